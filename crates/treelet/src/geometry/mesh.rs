@@ -1,0 +1,98 @@
+//! Triangle meshes.
+
+use crate::bounds::Aabb;
+use crate::memory::Array;
+
+/// Coordinates beyond `±2^62` (about 4.6e18) are treated like NaN: products of three differences
+/// would leave f32.
+pub const COORDINATE_MAX: f32 = 4_611_686_018_427_387_904.0;
+
+/// A triangle mesh: vertex positions and, for each triangle, three indices into them.
+///
+/// Cheap to clone: the arrays are shared. Nothing is checked here; building a scene checks.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    positions: Array<[f32; 3]>,
+    triangles: Array<[u32; 3]>,
+}
+
+impl Mesh {
+    /// A mesh over the given arrays: a `Vec` moves in without a copy, an [`Array`] is shared.
+    pub fn new(
+        positions: impl Into<Array<[f32; 3]>>,
+        triangles: impl Into<Array<[u32; 3]>>,
+    ) -> Self {
+        Self { positions: positions.into(), triangles: triangles.into() }
+    }
+
+    /// Vertex positions.
+    pub fn positions(&self) -> &[[f32; 3]] {
+        &self.positions
+    }
+
+    /// Vertex indices of each triangle.
+    pub fn triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// The three corners of triangle `prim`, or `None` if it or a vertex of it does not exist.
+    pub fn corners(&self, prim: usize) -> Option<[[f32; 3]; 3]> {
+        let [a, b, c] = *self.triangles.get(prim)?;
+        let positions = self.positions();
+        Some([
+            *positions.get(a as usize)?,
+            *positions.get(b as usize)?,
+            *positions.get(c as usize)?,
+        ])
+    }
+
+    /// What is wrong with triangle `prim`, if anything.
+    pub fn defect(&self, prim: usize) -> Option<Defect> {
+        let positions = self.positions();
+        for vertex in self.triangles[prim] {
+            let Some(position) = positions.get(vertex as usize) else {
+                return Some(Defect::IndexOutOfRange { vertex, vertices: positions.len() });
+            };
+            if !position.iter().all(|x| x.abs() <= COORDINATE_MAX) {
+                return Some(Defect::BadVertex { vertex, position: *position });
+            }
+        }
+        None
+    }
+
+    /// The box around the triangles that have no [`Mesh::defect`].
+    pub fn bounds(&self) -> Aabb {
+        (0..self.triangles.len())
+            .filter(|&prim| self.defect(prim).is_none())
+            .filter_map(|prim| self.corners(prim))
+            .fold(Aabb::EMPTY, |bounds, corners| bounds.union(&Aabb::of_points(&corners)))
+    }
+}
+
+/// What makes a triangle unfit for a scene.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum Defect {
+    /// The triangle names a vertex that is not there.
+    #[error("vertex index {vertex} is past the mesh's {vertices} vertices")]
+    IndexOutOfRange {
+        /// The index.
+        vertex: u32,
+        /// How many vertices the mesh has.
+        vertices: usize,
+    },
+    /// A vertex is NaN, infinite or beyond [`COORDINATE_MAX`].
+    #[error("vertex {vertex} at {position:?} is not finite or lies beyond ±2^62")]
+    BadVertex {
+        /// Index of the vertex.
+        vertex: u32,
+        /// Its position.
+        position: [f32; 3],
+    },
+}
+
+/// Whether the triangle has no area: its exact corners are collinear or coincide.
+///
+/// Exact: differences of f32 values are taken as pairs of f64, see `triangle::is_degenerate`.
+pub fn is_degenerate(corners: &[[f32; 3]; 3]) -> bool {
+    super::triangle::is_degenerate(corners)
+}
