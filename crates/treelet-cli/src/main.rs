@@ -6,6 +6,7 @@
 mod arguments;
 mod camera;
 mod demo;
+mod duplicates;
 mod ending;
 mod input;
 mod output;
