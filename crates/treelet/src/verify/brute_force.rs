@@ -118,13 +118,20 @@ fn address(level: &Structure) -> usize {
     core::ptr::from_ref(level) as usize
 }
 
+/// A triangle and its `(geom, prim)`.
+struct Named {
+    corners: [[f32; 3]; 3],
+    name: (u32, u32),
+}
+
 fn blocks(level: &Structure) -> Vec<Block> {
     let mut triangles = Vec::new();
     for (geometry, geom) in level.geometries.iter().zip(0..) {
         let mesh = &geometry.mesh;
         for prim in 0..mesh.triangles().len() {
             if mesh.defect(prim).is_none() {
-                triangles.extend(mesh.corners(prim).map(|corners| (corners, (geom, prim as u32))));
+                let name = (geom, prim as u32);
+                triangles.extend(mesh.corners(prim).map(|corners| Named { corners, name }));
             }
         }
     }
@@ -132,13 +139,14 @@ fn blocks(level: &Structure) -> Vec<Block> {
 }
 
 impl Block {
-    fn new(triangles: &[([[f32; 3]; 3], (u32, u32))]) -> Self {
-        let lane = |lane: usize| triangles[lane.min(triangles.len() - 1)].0;
+    /// Of at least one triangle.
+    fn new(triangles: &[Named]) -> Self {
+        let lane = |lane: usize| triangles[lane.min(triangles.len() - 1)].corners;
         Self {
             corners: core::array::from_fn(|corner| {
                 core::array::from_fn(|axis| core::array::from_fn(|l| lane(l)[corner][axis]))
             }),
-            names: triangles.iter().map(|&(_, name)| name).collect(),
+            names: triangles.iter().map(|triangle| triangle.name).collect(),
         }
     }
 
