@@ -36,6 +36,7 @@ mod query;
 pub mod scene;
 pub mod trace;
 pub mod tree;
+pub mod verify;
 
 pub use bounds::Aabb;
 pub use build::BuildError;

@@ -163,6 +163,11 @@ impl TriangleRay {
         (range.entry <= meeting.t && meeting.t <= range.exit).then_some(meeting)
     }
 
+    /// The axes, origin and shear: what a test of many triangles side by side needs.
+    pub(crate) fn parts(&self) -> ([usize; 3], [f32; 3], [f32; 3]) {
+        (self.axes, self.origin, self.shear)
+    }
+
     #[inline(always)]
     fn shear(&self, corner: [f32; 3]) -> Sheared {
         let moved = vec3::sub(corner, self.origin);
