@@ -7,10 +7,12 @@
 
 pub mod camera;
 pub mod material;
+pub mod placed;
 pub mod sky;
 
 pub use camera::Camera;
 pub use material::Material;
+pub use placed::{PlaceError, PlacedModel};
 pub use sky::{Sky, Sun};
 
 use treelet::Mesh;

@@ -1,8 +1,9 @@
-//! What a ray can hit.
+//! What a ray can hit, and what it answers.
 
 pub mod hit;
 pub mod mesh;
 pub mod triangle;
 
 pub use hit::Hit;
-pub use mesh::Mesh;
+pub use mesh::{Defect, Mesh};
+pub use triangle::{Meeting, TriangleRay};

@@ -57,8 +57,7 @@ impl Ray {
         let sum = x + y + z;
         let [a, b, c] = self.origin.map(f32::abs);
         (a < f32::INFINITY && b < f32::INFINITY && c < f32::INFINITY)
-            && longest >= SHORTEST
-            && longest <= LONGEST
+            && (SHORTEST..=LONGEST).contains(&longest)
             && sum < f32::INFINITY
             && self.t_min <= self.t_max
     }

@@ -1,0 +1,104 @@
+//! Builders: boxes in, a binary tree out. One builder a file, and the catalogue of them all.
+//!
+//! A builder sees boxes, never triangles. Whatever it does, answers to rays do not change: only
+//! their price does. Named builders give the same tree for any number of threads.
+
+mod prim_ref;
+mod radix_sort;
+pub(crate) mod top_down;
+
+use crate::bounds::Aabb;
+use crate::context::{Cancelled, Context};
+use crate::memory::OutOfMemory;
+use crate::tree::Tree;
+
+/// What a catalogue says about an entry.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Info {
+    /// As users write it.
+    pub name: &'static str,
+    /// What it does, in a line.
+    pub summary: &'static str,
+    /// Where it comes from.
+    pub source: &'static str,
+}
+
+/// Makes trees.
+pub trait Builder: Sync {
+    /// Name, summary and source.
+    fn info(&self) -> Info;
+
+    /// A tree over the primitives with these boxes, none of them empty, NaN or infinite.
+    ///
+    /// # Errors
+    ///
+    /// An option out of range, too many primitives, cancellation, memory.
+    fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError>;
+}
+
+/// Why there is no tree.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// A builder's option is out of range.
+    #[error("{option} is {value}; it must be in {allowed}")]
+    Option {
+        /// Its name.
+        option: &'static str,
+        /// Its value.
+        value: f64,
+        /// What is allowed.
+        allowed: &'static str,
+    },
+    /// More primitives than indices.
+    #[error("{prims} primitives in one tree; the limit is 2^31: split the scene into instances")]
+    TooManyPrims {
+        /// How many.
+        prims: u64,
+    },
+    /// The caller's `Context` was cancelled.
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
+    /// Memory for arrays as large as the input was refused.
+    #[error(transparent)]
+    OutOfMemory(#[from] OutOfMemory),
+}
+
+macro_rules! catalogue {
+    ($($module:ident::$builder:ident),* $(,)?) => {
+        $(pub mod $module; pub use $module::$builder;)*
+
+        /// Every builder with its default options, in the order of the documentation.
+        pub static ALL: &[&dyn Builder] = &[$(&$module::$builder::DEFAULT),*];
+    };
+}
+
+catalogue! {
+    spatial_median::SpatialMedian,
+    object_median::ObjectMedian,
+    sweep_sah::SweepSah,
+    binned_sah::BinnedSah,
+}
+
+/// The builder of that name, with its default options.
+pub fn by_name(name: &str) -> Option<&'static dyn Builder> {
+    ALL.iter().copied().find(|builder| builder.info().name == name)
+}
+
+/// Leaves hold at most this many primitives, whatever a builder is asked for.
+pub const LEAF_MAX: u32 = 64;
+
+/// Checks the option that all builders share.
+fn check_leaf_max(leaf_max: u32) -> Result<(), BuildError> {
+    check_option("leaf_max", f64::from(leaf_max), 1.0..=f64::from(LEAF_MAX), "1..=64")
+}
+
+/// Checks an option against what is allowed; NaN is not.
+fn check_option(
+    option: &'static str,
+    value: f64,
+    range: core::ops::RangeInclusive<f64>,
+    allowed: &'static str,
+) -> Result<(), BuildError> {
+    let ok = range.contains(&value);
+    if ok { Ok(()) } else { Err(BuildError::Option { option, value, allowed }) }
+}

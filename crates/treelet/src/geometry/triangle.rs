@@ -1,0 +1,290 @@
+//! The triangle test: which rays hit a triangle, where, and why no tree can tell otherwise.
+//!
+//! Source: S. Woop, C. Benthin, I. Wald, "Watertight Ray/Triangle Intersection", JCGT 2(1), 2013.
+//! The triangle is moved to the ray's origin and sheared so that the ray becomes the z axis; three
+//! 2D edge functions of the sheared corners decide. Corners that two triangles share are sheared
+//! alike, and an edge function changes only its sign with the direction of its edge, so what one
+//! neighbour rejects the other accepts.
+//!
+//! # Exactness
+//!
+//! An edge function is `c.x * b.y - c.y * b.x` of f32 values, two roundings and a subtraction.
+//! Rounding is monotone, so the f32 sign is right or the result is zero. Whenever f32 cannot decide
+//! (a zero, a sliver whose area is below `TRUSTED_AREA` of its size, sizes near the ends of the f32
+//! range) the functions are computed again in f64, where the products are exact and the sign is
+//! exactly that of the sheared triangle. Edges and corners belong to the triangle (closed rule);
+//! [`EdgeRule`] is the place for a half-open one.
+//!
+//! # The culling lemma
+//!
+//! *What is accepted at `t` is admitted at `t` by every box around the triangle.* The accepted `t`
+//! is clamped into the interval in which the ray is inside the triangle's own box, computed by the
+//! same monotone slab test as every box of every tree ([`crate::bounds::slab`]), intersected with
+//! those of the instances on the way (`clip`). A box of a tree contains the triangle's box, so its
+//! interval contains that interval, bit for bit, and so `t`. No error analysis is involved, and
+//! brute force, which visits no box at all, gives the same bits.
+//!
+//! What does need analysis is that clamping never empties the interval of a ray that the edge
+//! functions accept: that would be a leak. With `u = 2^-24` and `R` the largest distance, per axis,
+//! between the origin and a corner of the scene's box:
+//!
+//! - moving to the origin costs `u R`, the shear (one rounded quotient, a product, a difference)
+//!   at most `5 u R` more: each sheared corner is within `6 u R` of where it should be;
+//! - so a ray that is inside the sheared triangle passes within `6 u R` of the true one, at the
+//!   depth of a point of it;
+//! - the slab test measures a plane within `3 u R`.
+//!
+//! `9 u R` is enough; `SLACK` takes 16. Levels with instances add what transforming the ray costs:
+//! see `trace::slack`. `tests/watertight.rs` attacks all of it.
+
+use crate::bounds::{Aabb, Interval, SlabRay};
+use crate::math::vec3;
+
+/// Half a unit in the last place of 1: the largest relative error of one f32 rounding.
+pub(crate) const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
+
+/// The widening of boxes, in units of `UNIT_ROUNDOFF` times the reach of the scene. Derived above.
+pub(crate) const SLACK: f32 = 16.0;
+
+/// Twice a sheared triangle's area below this share of its squared size is computed in f64. At the
+/// limit the f32 weights are good to about `2^-10`.
+const TRUSTED_AREA: f32 = 1.0 / 4096.0;
+
+/// Sheared coordinates between these keep all products of the f32 path normal numbers.
+const TRUSTED_SIZE: core::ops::RangeInclusive<f32> = 3.552_713_7e-15..=1.152_921_5e18;
+
+/// A ray prepared for many triangles of one level.
+#[derive(Clone, Copy, Debug)]
+pub struct TriangleRay {
+    origin: [f32; 3],
+    /// The axes that become x, y and z; z is where the direction is longest.
+    axes: [usize; 3],
+    /// `direction[x] / direction[z]`, `direction[y] / direction[z]`, `1 / direction[z]`.
+    shear: [f32; 3],
+    direction_z: f32,
+}
+
+/// Where the ray meets the triangle's plane, as weights of the corners.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Meeting {
+    /// Distance in lengths of the direction.
+    pub t: f32,
+    /// Weight of the second corner.
+    pub u: f32,
+    /// Weight of the third corner.
+    pub v: f32,
+}
+
+/// Which triangle an edge belongs to.
+///
+/// Given the exact signs (-1, 0, 1) of the three edge functions, says whether the ray hits.
+pub trait EdgeRule {
+    /// Whether a ray with these edge signs is inside.
+    fn covers(signs: [i32; 3]) -> bool;
+}
+
+/// Edges and corners belong to every triangle that has them: no ray slips through.
+#[derive(Clone, Copy, Debug)]
+pub struct Closed;
+
+impl EdgeRule for Closed {
+    #[inline(always)]
+    fn covers(signs: [i32; 3]) -> bool {
+        let low = signs[0].min(signs[1]).min(signs[2]);
+        let high = signs[0].max(signs[1]).max(signs[2]);
+        low >= 0 || high <= 0
+    }
+}
+
+/// A corner after the shear: the ray is the z axis.
+type Sheared = [f32; 3];
+
+impl TriangleRay {
+    /// Prepares a ray whose direction is finite and not zero.
+    #[inline]
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
+        let z = vec3::largest_axis(direction.map(f32::abs));
+        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
+        let d = direction[z];
+        Self {
+            origin,
+            axes: [x, y, z],
+            shear: [direction[x] / d, direction[y] / d, 1.0 / d],
+            direction_z: d,
+        }
+    }
+
+    /// The hit with the triangle under the closed edge rule, if its `t` is in `t_min ..= t_max`.
+    ///
+    /// `slab` is the same ray prepared for boxes, `clip` the interval that the instances on the way
+    /// allow. This function *is* the answer to a ray: walks only choose for which triangles to
+    /// call it.
+    #[inline(always)]
+    pub fn hit(
+        &self,
+        corners: &[[f32; 3]; 3],
+        slab: &SlabRay,
+        clip: &Interval,
+        range: &Interval,
+    ) -> Option<Meeting> {
+        let sheared = corners.map(|corner| self.shear(corner));
+        let edges = edge_functions(&sheared);
+        // Strictly mixed signs are certain even in f32. NaN, from overflow, is not rejected here.
+        let [u, v, w] = edges;
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+            return None;
+        }
+        self.settle::<Closed>(corners, &sheared, edges, slab, clip, range)
+    }
+
+    /// What happens to the few rays that f32 did not reject. Out of line: a ray that hits comes
+    /// here about once.
+    #[inline(never)]
+    fn settle<E: EdgeRule>(
+        &self,
+        corners: &[[f32; 3]; 3],
+        sheared: &[Sheared; 3],
+        edges: [f32; 3],
+        slab: &SlabRay,
+        clip: &Interval,
+        range: &Interval,
+    ) -> Option<Meeting> {
+        let mut meeting = if is_trusted(sheared, edges) {
+            self.meet(sheared, edges)
+        } else {
+            self.meet_exactly::<E>(sheared)?
+        };
+        // The culling lemma: `t` lies where the triangle's own box is.
+        let inside = slab.interval(&Aabb::of_points(corners)).intersection(clip);
+        if inside.is_empty() || !meeting.t.is_finite() {
+            return None;
+        }
+        meeting.t = inside.clamp(meeting.t);
+        (range.entry <= meeting.t && meeting.t <= range.exit).then_some(meeting)
+    }
+
+    /// The axes, origin and shear: what a test of many triangles side by side needs.
+    pub(crate) fn parts(&self) -> ([usize; 3], [f32; 3], [f32; 3]) {
+        (self.axes, self.origin, self.shear)
+    }
+
+    #[inline(always)]
+    fn shear(&self, corner: [f32; 3]) -> Sheared {
+        let moved = vec3::sub(corner, self.origin);
+        let [x, y, z] = self.axes.map(|axis| moved[axis]);
+        [x - self.shear[0] * z, y - self.shear[1] * z, z]
+    }
+
+    /// Weights and `t` where f32 can be trusted. The weights are divided first: the sum of products
+    /// in the paper leaves the f32 range from about 1e13.
+    #[inline(always)]
+    fn meet(&self, [a, b, c]: &[Sheared; 3], [u, v, w]: [f32; 3]) -> Meeting {
+        let det = u + v + w;
+        let (u, v, w) = (u / det, v / det, w / det);
+        let z = u * a[2] + v * b[2] + w * c[2];
+        Meeting { t: z * self.shear[2], u: v, v: w }
+    }
+
+    /// The same in f64 with exact signs, where f32 cannot decide.
+    fn meet_exactly<E: EdgeRule>(&self, sheared: &[Sheared; 3]) -> Option<Meeting> {
+        let [a, b, c] = sheared.map(|corner| corner.map(f64::from));
+        let [u, v, w] =
+            [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]];
+        if !E::covers([u, v, w].map(sign)) {
+            return None;
+        }
+        let det = u + v + w;
+        // Seen exactly from the side: its neighbours answer for its edges. NaN: beyond f64, never.
+        if det == 0.0 || !det.is_finite() {
+            return None;
+        }
+        let (u, v, w) = (u / det, v / det, w / det);
+        let z = u * a[2] + v * b[2] + w * c[2];
+        let t = (z / f64::from(self.direction_z)) as f32;
+        Some(Meeting { t, u: v as f32, v: w as f32 })
+    }
+}
+
+/// The signed double areas of the triangles between the ray and each edge: opposite the first,
+/// second and third corner.
+#[inline(always)]
+fn edge_functions([a, b, c]: &[Sheared; 3]) -> [f32; 3] {
+    [c[0] * b[1] - c[1] * b[0], a[0] * c[1] - a[1] * c[0], b[0] * a[1] - b[1] * a[0]]
+}
+
+/// Whether f32 edge functions decide this case: no zero, no sliver, no extreme size.
+#[inline(always)]
+fn is_trusted(sheared: &[Sheared; 3], [u, v, w]: [f32; 3]) -> bool {
+    let size = sheared.iter().fold(0.0_f32, |size, p| size.max(p[0].abs()).max(p[1].abs()));
+    u != 0.0
+        && v != 0.0
+        && w != 0.0
+        && TRUSTED_SIZE.contains(&size)
+        && (u + v + w).abs() >= TRUSTED_AREA * size * size
+}
+
+fn sign(x: f64) -> i32 {
+    i32::from(x > 0.0) - i32::from(x < 0.0)
+}
+
+/// Whether the triangle's exact corners are collinear or coincide, decided by exact predicates:
+/// J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
+/// Predicates", Discrete & Computational Geometry 18, 1997.
+pub fn is_degenerate(corners: &[[f32; 3]; 3]) -> bool {
+    // Collinear in space means collinear in all three axis-parallel projections.
+    (0..3).all(|axis| {
+        let project = |p: [f32; 3]| robust::Coord {
+            x: f64::from(p[(axis + 1) % 3]),
+            y: f64::from(p[(axis + 2) % 3]),
+        };
+        let [a, b, c] = corners.map(project);
+        robust::orient2d(a, b, c) == 0.0
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Interval, SlabRay, TriangleRay, is_degenerate};
+
+    const CORNERS: [[f32; 3]; 3] = [[0.0, 0.0, 5.0], [4.0, 0.0, 5.0], [0.0, 4.0, 5.0]];
+
+    fn hit(origin: [f32; 3], direction: [f32; 3]) -> Option<super::Meeting> {
+        let slab = SlabRay::new(origin, direction, 1e-5);
+        let ray = TriangleRay::new(origin, direction);
+        ray.hit(&CORNERS, &slab, &Interval::ALL, &Interval { entry: 0.0, exit: 1e30 })
+    }
+
+    #[test]
+    fn weights_name_the_corners() {
+        let meeting = hit([1.0, 2.0, 0.0], [0.0, 0.0, 2.0]).unwrap();
+        assert_eq!((meeting.t, meeting.u, meeting.v), (2.5, 0.25, 0.5));
+        // The same from behind, and not at all behind the origin.
+        assert_eq!(hit([1.0, 2.0, 6.0], [0.0, 0.0, -0.5]).unwrap().t, 2.0);
+        assert_eq!(hit([1.0, 2.0, 6.0], [0.0, 0.0, 0.5]), None);
+    }
+
+    #[test]
+    fn edges_and_corners_belong_to_it() {
+        for target in [[0.0, 0.0], [4.0, 0.0], [0.0, 4.0], [2.0, 2.0], [2.0, 0.0], [0.0, 1.0]] {
+            let [x, y] = target;
+            assert!(hit([x, y, 0.0], [0.0, -0.0, 1.0]).is_some(), "{target:?}");
+        }
+        for target in [[-1e-6, 0.0], [4.000_001, 0.0], [2.000_001, 2.0]] {
+            let [x, y] = target;
+            assert_eq!(hit([x, y, 0.0], [0.0, 0.0, 1.0]), None, "{target:?}");
+        }
+    }
+
+    #[test]
+    fn seen_exactly_from_the_side_it_is_missed() {
+        assert_eq!(hit([-1.0, 1.0, 5.0], [1.0, 0.0, 0.0]), None);
+    }
+
+    #[test]
+    fn degenerate_means_exactly_collinear() {
+        assert!(is_degenerate(&[[1.0; 3], [1.0; 3], [2.0, 0.0, 0.0]]));
+        assert!(is_degenerate(&[[0.0; 3], [1.0, 2.0, 3.0], [2.0, 4.0, 6.0]]));
+        assert!(!is_degenerate(&[[0.0; 3], [1.0, 2.0, 3.0], [2.0, 4.0, 6.000_000_5]]));
+        assert!(!is_degenerate(&[[0.0; 3], [1e-30, 0.0, 0.0], [0.0, 1e-30, 0.0]]));
+    }
+}

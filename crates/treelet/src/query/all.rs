@@ -1,0 +1,33 @@
+//! Every hit along the ray, each primitive once, in the order of answers.
+
+use crate::geometry::Hit;
+use crate::math::Ray;
+use crate::trace::structure::Structure;
+use crate::trace::walk::{Visitor, walk};
+use alloc::vec::Vec;
+use core::ops::ControlFlow;
+
+struct All<'a> {
+    t_max: f32,
+    hits: &'a mut Vec<Hit>,
+}
+
+impl Visitor for All<'_> {
+    fn t_max(&self) -> f32 {
+        self.t_max
+    }
+
+    fn hit(&mut self, hit: Hit) -> ControlFlow<()> {
+        self.hits.push(hit);
+        ControlFlow::Continue(())
+    }
+}
+
+/// Appends the hits of the ray to `hits`, ordered by `(t, inst, geom, prim)`.
+pub(crate) fn all(structure: &Structure, ray: &Ray, hits: &mut Vec<Hit>) {
+    let start = hits.len();
+    if ray.is_valid() {
+        walk(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
+    }
+    hits[start..].sort_unstable_by(Hit::cmp_along_ray);
+}

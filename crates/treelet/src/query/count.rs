@@ -1,0 +1,33 @@
+//! How many hits there are along the ray.
+
+use crate::geometry::Hit;
+use crate::math::Ray;
+use crate::trace::structure::Structure;
+use crate::trace::walk::{Visitor, walk};
+use core::ops::ControlFlow;
+
+struct Counting {
+    t_max: f32,
+    hits: u64,
+}
+
+impl Visitor for Counting {
+    fn t_max(&self) -> f32 {
+        self.t_max
+    }
+
+    fn hit(&mut self, _: Hit) -> ControlFlow<()> {
+        // Leaves share no primitive, so each is offered once.
+        self.hits += 1;
+        ControlFlow::Continue(())
+    }
+}
+
+/// The number of hits that [`super::all::all`] would list.
+pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
+    let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
+    if ray.is_valid() {
+        walk(structure, ray, &mut visitor, &mut ());
+    }
+    visitor.hits
+}

@@ -1,0 +1,97 @@
+//! Describing a scene and building it.
+
+use super::assemble;
+use super::{Scene, SceneError};
+use crate::build::{BinnedSah, Builder};
+use crate::context::Context;
+use crate::geometry::Mesh;
+use crate::math::Affine;
+use crate::trace::structure::Structure;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+/// What to do with triangles and instances that cannot be used.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Invalid {
+    /// Stop with an error that names the first one.
+    Error,
+    /// Leave them out, and count them in the report. Numbers of the others stay as they are.
+    #[default]
+    Skip,
+}
+
+/// How a scene is built.
+#[derive(Clone)]
+pub struct BuildOptions<'a> {
+    /// Makes the tree: one of [`crate::build::ALL`], or one with other options.
+    pub builder: &'a dyn Builder,
+    /// What to do with input that cannot be used.
+    pub invalid: Invalid,
+    /// Cancels and watches the build.
+    pub context: Context<'a>,
+}
+
+impl Default for BuildOptions<'_> {
+    fn default() -> Self {
+        Self {
+            builder: &BinnedSah::DEFAULT,
+            invalid: Invalid::default(),
+            context: Context::default(),
+        }
+    }
+}
+
+/// A scene to be: meshes and instances in the order in which hits will number them.
+#[derive(Clone, Debug, Default)]
+pub struct SceneBuilder {
+    pub(super) meshes: Vec<(Mesh, u32)>,
+    pub(super) instances: Vec<Placed>,
+}
+
+/// A scene to be placed.
+#[derive(Clone, Debug)]
+pub(super) struct Placed {
+    pub(super) structure: Arc<Structure>,
+    pub(super) world_from_object: Affine,
+    pub(super) mask: u32,
+}
+
+impl SceneBuilder {
+    /// Adds a mesh that every ray sees; its `geom` is the number of meshes before it.
+    #[must_use]
+    pub fn mesh(self, mesh: Mesh) -> Self {
+        self.mesh_masked(mesh, u32::MAX)
+    }
+
+    /// Adds a mesh that is met by rays whose mask has a bit in common with `mask`.
+    #[must_use]
+    pub fn mesh_masked(mut self, mesh: Mesh, mask: u32) -> Self {
+        self.meshes.push((mesh, mask));
+        self
+    }
+
+    /// Places a scene into this one; it is shared, not copied. Mirrored and non-uniformly scaled
+    /// maps are fine; a singular one is invalid input.
+    #[must_use]
+    pub fn instance(self, scene: &Scene, world_from_object: Affine) -> Self {
+        self.instance_masked(scene, world_from_object, u32::MAX)
+    }
+
+    /// Places a scene that is met by rays whose mask has a bit in common with `mask`.
+    #[must_use]
+    pub fn instance_masked(mut self, scene: &Scene, world_from_object: Affine, mask: u32) -> Self {
+        let structure = Arc::clone(&scene.structure);
+        self.instances.push(Placed { structure, world_from_object, mask });
+        self
+    }
+
+    /// Builds the scene on the caller's rayon pool. Nothing at all makes a scene that is never hit.
+    ///
+    /// # Errors
+    ///
+    /// Invalid input where [`Invalid::Error`] is chosen, a builder's option out of range, more than
+    /// 2^31 primitives on this level, more than 2^64 paths, cancellation, memory.
+    pub fn build(self, options: &BuildOptions<'_>) -> Result<Scene, SceneError> {
+        assemble::assemble(self, options)
+    }
+}

@@ -1,0 +1,90 @@
+//! What can be wrong with a scene or a call.
+
+use crate::build::BuildError;
+use crate::context::Cancelled;
+use crate::geometry::Defect;
+use crate::memory::OutOfMemory;
+
+/// Why there is no scene.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum SceneError {
+    /// A triangle names a vertex that is missing, not finite or too far away.
+    #[error("mesh {geom}, triangle {prim}: {defect}; mend the mesh, or build with `Invalid::Skip`")]
+    Triangle {
+        /// Which mesh of the scene.
+        geom: usize,
+        /// Which triangle of it.
+        prim: usize,
+        /// What is wrong.
+        defect: Defect,
+    },
+    /// An instance's map is singular, not finite, or puts it too far away.
+    #[error("instance {instance}: {defect}; mend the transform, or build with `Invalid::Skip`")]
+    Instance {
+        /// Which instance of the scene.
+        instance: usize,
+        /// What is wrong.
+        defect: InstanceDefect,
+    },
+    /// Instances multiply to more paths than `Hit::inst` can name.
+    #[error("the instances of instances make more than 2^64 paths; flatten some levels")]
+    TooManyPaths,
+    /// No tree could be built.
+    #[error(transparent)]
+    Build(#[from] BuildError),
+}
+
+impl From<Cancelled> for SceneError {
+    fn from(cancelled: Cancelled) -> Self {
+        Self::Build(cancelled.into())
+    }
+}
+
+impl From<OutOfMemory> for SceneError {
+    fn from(error: OutOfMemory) -> Self {
+        Self::Build(error.into())
+    }
+}
+
+impl SceneError {
+    /// Whether the build was stopped by its caller.
+    pub fn is_cancelled(&self) -> bool {
+        matches!(self, Self::Build(BuildError::Cancelled(_)))
+    }
+}
+
+/// What makes an instance unfit for a scene.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum InstanceDefect {
+    /// No map leads back from the world to the object.
+    #[error("the matrix {rows:?} is singular or has no inverse in f32")]
+    Singular {
+        /// The matrix.
+        rows: [[f32; 4]; 3],
+    },
+    /// An entry is NaN or infinite.
+    #[error("the matrix {rows:?} has an entry that is not finite")]
+    NotFinite {
+        /// The matrix.
+        rows: [[f32; 4]; 3],
+    },
+    /// Part of the placed object lies beyond `±2^62`.
+    #[error("its box {lo:?} .. {hi:?} lies partly beyond ±2^62")]
+    TooFar {
+        /// Least corner of its box.
+        lo: [f32; 3],
+        /// Greatest corner.
+        hi: [f32; 3],
+    },
+}
+
+/// Two slices that belong together differ in length; nothing was written.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{rays} rays but room for {answers} answers; the two must be equal")]
+pub struct WrongLength {
+    /// Length of the rays.
+    pub rays: usize,
+    /// Length of the answers.
+    pub answers: usize,
+}

@@ -1,0 +1,210 @@
+//! Scenes: meshes and placed scenes, built once, asked from any thread.
+
+mod assemble;
+mod builder;
+mod error;
+mod report;
+mod slices;
+
+pub use builder::{BuildOptions, Invalid, SceneBuilder};
+pub use error::{InstanceDefect, SceneError, WrongLength};
+pub use report::{BuildReport, Skipped};
+pub use slices::HitLists;
+
+use crate::bounds::Aabb;
+use crate::geometry::{Hit, Mesh};
+use crate::math::{Affine, Ray, vec3};
+use crate::query;
+use crate::trace::Counters;
+use crate::trace::structure::Structure;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+/// An immutable snapshot of geometry that answers rays.
+///
+/// Cheap to clone, `Send + Sync`; queries never lock. A scene holds meshes, numbered as `geom`, and
+/// instances of other scenes, nested to any depth.
+///
+/// Every answer is a pure function of the geometry and the ray: no builder, no number of threads
+/// changes a bit of it. Of hits at the very same `t`, the smallest `(inst, geom, prim)` is the
+/// answer.
+///
+/// ```
+/// use treelet::{BuildOptions, Mesh, Ray, Scene};
+///
+/// let mesh = Mesh::new([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+/// let scene = Scene::builder().mesh(mesh).build(&BuildOptions::default())?;
+/// let hit = scene.closest(&Ray::new([0.25, 0.25, -3.0], [0.0, 0.0, 2.0])).unwrap();
+/// assert_eq!((hit.t, hit.prim), (1.5, 0));
+/// # Ok::<(), treelet::SceneError>(())
+/// ```
+#[derive(Clone, Debug)]
+pub struct Scene {
+    structure: Arc<Structure>,
+    report: Arc<BuildReport>,
+}
+
+impl Scene {
+    /// An empty description, to be filled and built.
+    pub fn builder() -> SceneBuilder {
+        SceneBuilder::default()
+    }
+
+    /// The hit that the ray meets first.
+    ///
+    /// `t` lies in `t_min ..= t_max`. An invalid ray (see [`Ray::is_valid`]) meets nothing.
+    /// Cost: O(log n) for usual scenes.
+    ///
+    /// Source of the walk: T. Kay and J. Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986, with
+    /// both child boxes tested at their parent.
+    pub fn closest(&self, ray: &Ray) -> Option<Hit> {
+        query::closest::closest(&self.structure, ray, &mut ())
+    }
+
+    /// [`Scene::closest`], adding what the walk did to `counters`.
+    pub fn closest_counted(&self, ray: &Ray, counters: &mut Counters) -> Option<Hit> {
+        query::closest::closest(&self.structure, ray, counters)
+    }
+
+    /// Whether the ray meets anything: the cheaper question for shadows.
+    pub fn any(&self, ray: &Ray) -> bool {
+        query::any::any(&self.structure, ray, &mut ())
+    }
+
+    /// [`Scene::any`], adding what the walk did to `counters`.
+    pub fn any_counted(&self, ray: &Ray, counters: &mut Counters) -> bool {
+        query::any::any(&self.structure, ray, counters)
+    }
+
+    /// How many triangles the ray meets: the length of [`Scene::all`].
+    pub fn count(&self, ray: &Ray) -> u64 {
+        query::count::count(&self.structure, ray)
+    }
+
+    /// Every triangle that the ray meets, once, ordered by `t`, then by id.
+    ///
+    /// The first one is [`Scene::closest`]. A ray through an edge or a corner meets every triangle
+    /// that has it.
+    pub fn all(&self, ray: &Ray) -> Vec<Hit> {
+        let mut hits = Vec::new();
+        query::all::all(&self.structure, ray, &mut hits);
+        hits
+    }
+
+    /// The box around everything, in the scene's own space; empty if nothing is in it.
+    ///
+    /// Exact for meshes, conservative for instances.
+    pub fn bounds(&self) -> Aabb {
+        self.structure.layout.bounds
+    }
+
+    /// What building this scene found and made; scenes inside instances have their own.
+    pub fn report(&self) -> &BuildReport {
+        &self.report
+    }
+
+    /// The meshes, in the order of `geom`.
+    pub fn meshes(&self) -> impl ExactSizeIterator<Item = &Mesh> {
+        self.structure.geometries.iter().map(|geometry| &geometry.mesh)
+    }
+
+    /// How many instances are directly in this scene.
+    pub fn instances(&self) -> usize {
+        self.structure.instances.len()
+    }
+
+    /// How many values `Hit::inst` can take: this scene's own level and all paths into instances.
+    pub fn paths(&self) -> u64 {
+        self.structure.paths
+    }
+
+    /// The instances on the way to `inst`, outermost first, as indices in the order in which each
+    /// level was built; empty for this scene's own meshes. `None` if there is no such path.
+    pub fn path(&self, inst: u64) -> Option<Vec<usize>> {
+        let mut path = Vec::new();
+        self.descend(inst, |index, _| path.push(index))?;
+        Some(path)
+    }
+
+    /// The map from the innermost object of `inst` to this scene: the product of the instances' own
+    /// maps, in f64, rounded once a level. `None` if there is no such path.
+    pub fn world_from_object(&self, inst: u64) -> Option<Affine> {
+        let mut map = Affine::IDENTITY;
+        self.descend(inst, |_, world_from_object| map = map.then_from(world_from_object))?;
+        Some(map)
+    }
+
+    /// The corners of the triangle that was hit, in the space of its object; `None` if the hit is
+    /// not one of this scene.
+    pub fn corners(&self, hit: &Hit) -> Option<[[f32; 3]; 3]> {
+        let level = self.descend(hit.inst, |_, _| ())?;
+        level.geometries.get(hit.geom as usize)?.mesh.corners(hit.prim as usize)
+    }
+
+    /// The unit normal of the triangle that was hit, in this scene's space: it points to the side
+    /// from which the corners run counter-clockwise. `None` if the hit is not one of this scene, or
+    /// the triangle is degenerate.
+    pub fn normal(&self, hit: &Hit) -> Option<[f32; 3]> {
+        let [a, b, c] = self.corners(hit)?;
+        let map = self.world_from_object(hit.inst)?;
+        let (b, c) = (vec3::sub(b, a), vec3::sub(c, a));
+        // The cross product of the transformed edges is right under any map; mirroring flips it.
+        let cross = vec3::cross(map.vector(b), map.vector(c));
+        let normal = vec3::normalize(cross)?;
+        Some(if map.is_mirroring() { normal.map(|x| -x) } else { normal })
+    }
+
+    /// Bytes that queries read: nodes, packed triangles, instances; this level and, once each, the
+    /// levels inside.
+    pub fn trace_bytes(&self) -> u64 {
+        self.levels().iter().map(|level| assemble::level_bytes(level)).sum()
+    }
+
+    /// This level and every level inside, each once.
+    pub(crate) fn levels(&self) -> Vec<&Structure> {
+        let mut levels: Vec<&Structure> = alloc::vec![&*self.structure];
+        let mut seen = alloc::collections::BTreeSet::new();
+        let mut at = 0;
+        while at < levels.len() {
+            let level = levels[at];
+            for instance in &level.instances {
+                if seen.insert(Arc::as_ptr(&instance.structure)) {
+                    levels.push(&instance.structure);
+                }
+            }
+            at += 1;
+        }
+        levels
+    }
+
+    /// A triangle on the level of `inst`, chosen by two random numbers; `None` if the level has none.
+    pub(crate) fn pick_triangle(&self, inst: u64, geom: u64, prim: u64) -> Option<[[f32; 3]; 3]> {
+        let level = self.descend(inst, |_, _| ())?;
+        let geom = geom.checked_rem(level.geometries.len() as u64)?;
+        let mesh = &level.geometries[geom as usize].mesh;
+        let prim = prim.checked_rem(mesh.triangles().len() as u64)?;
+        mesh.defect(prim as usize).is_none().then(|| mesh.corners(prim as usize))?
+    }
+
+    pub(crate) fn structure(&self) -> &Structure {
+        &self.structure
+    }
+
+    /// Walks down to the level of `inst`, showing each instance on the way.
+    fn descend(&self, inst: u64, mut show: impl FnMut(usize, &Affine)) -> Option<&Structure> {
+        let mut level = &*self.structure;
+        if inst >= level.paths {
+            return None;
+        }
+        let mut rest = inst;
+        while rest > 0 {
+            // Ranks rise, the first being 1: the last instance whose rank is not above `rest`.
+            let index = level.instances.partition_point(|instance| instance.rank <= rest) - 1;
+            let instance = &level.instances[index];
+            show(index, &instance.world_from_object);
+            rest -= instance.rank;
+            level = &instance.structure;
+        }
+        Some(level)
+    }
+}

@@ -1,0 +1,48 @@
+//! What building a scene found and made.
+
+use super::error::InstanceDefect;
+use crate::geometry::Defect;
+use crate::tree::TreeStats;
+use core::time::Duration;
+
+/// What building one scene found and made, the scenes inside its instances not included.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BuildReport {
+    /// Which builder made the tree.
+    pub builder: &'static str,
+    /// Triangles in the tree.
+    pub triangles: u64,
+    /// Of these, triangles without area: kept, and never hit where they are seen as a line.
+    pub degenerate: u64,
+    /// Instances in the tree.
+    pub instances: u64,
+    /// Instances of scenes that hold nothing: kept in the numbering, not in the tree.
+    pub empty_instances: u64,
+    /// What was left out, because the caller chose so.
+    pub skipped: Skipped,
+    /// The tree's vital statistics.
+    pub tree: TreeStats,
+    /// Time to build the tree, from boxes to nodes; zero where there is no clock.
+    pub tree_time: Duration,
+    /// Time for everything, from meshes to a scene that answers; zero where there is no clock.
+    pub total_time: Duration,
+    /// Bytes that queries read on this level: nodes, packed triangles, instances.
+    pub trace_bytes: u64,
+}
+
+/// What was wrong in the input and skipped, with the first offender of each sort.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Skipped {
+    /// Triangles skipped: `index_out_of_range + bad_vertex`.
+    pub triangles: u64,
+    /// Of these, triangles that name a vertex that is not there.
+    pub index_out_of_range: u64,
+    /// Of these, triangles with a vertex that is NaN, infinite or too far away.
+    pub bad_vertex: u64,
+    /// The first triangle skipped: mesh, triangle, what is wrong.
+    pub first_triangle: Option<(usize, usize, Defect)>,
+    /// Instances skipped: their map is singular, not finite, or leads too far away.
+    pub instances: u64,
+    /// The first instance skipped, and what is wrong.
+    pub first_instance: Option<(usize, InstanceDefect)>,
+}

@@ -1,0 +1,108 @@
+//! The same questions for many rays at once, on all threads of the caller's rayon pool.
+
+use super::{Scene, WrongLength};
+use crate::context::parallel;
+use crate::geometry::Hit;
+use crate::math::Ray;
+use crate::query;
+use alloc::vec::Vec;
+
+/// Rays that one task answers, one after the other.
+const CHUNK: usize = 1024;
+
+impl Scene {
+    /// [`Scene::closest`] for each ray; `hits[i]` answers `rays[i]`, [`Hit::MISS`] if it meets
+    /// nothing.
+    ///
+    /// # Errors
+    ///
+    /// The slices differ in length; then nothing is written.
+    pub fn closest_many(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), WrongLength> {
+        self.many(rays, hits, |ray| self.closest(ray).unwrap_or(Hit::MISS))
+    }
+
+    /// [`Scene::any`] for each ray.
+    ///
+    /// # Errors
+    ///
+    /// The slices differ in length; then nothing is written.
+    pub fn any_many(&self, rays: &[Ray], answers: &mut [bool]) -> Result<(), WrongLength> {
+        self.many(rays, answers, |ray| self.any(ray))
+    }
+
+    /// [`Scene::count`] for each ray.
+    ///
+    /// # Errors
+    ///
+    /// The slices differ in length; then nothing is written.
+    pub fn count_many(&self, rays: &[Ray], answers: &mut [u64]) -> Result<(), WrongLength> {
+        self.many(rays, answers, |ray| self.count(ray))
+    }
+
+    /// [`Scene::all`] for each ray.
+    pub fn all_many(&self, rays: &[Ray]) -> HitLists {
+        let chunks = parallel::map_chunks(rays, CHUNK, |_, rays| {
+            let mut lists = HitLists::default();
+            for ray in rays {
+                query::all::all(self.structure(), ray, &mut lists.hits);
+                lists.ends.push(lists.hits.len());
+            }
+            lists
+        });
+        let mut all = HitLists::default();
+        for chunk in chunks {
+            let start = all.hits.len();
+            all.ends.extend(chunk.ends.into_iter().map(|end| start + end));
+            all.hits.extend(chunk.hits);
+        }
+        all
+    }
+
+    fn many<A: Send>(
+        &self,
+        rays: &[Ray],
+        answers: &mut [A],
+        answer: impl Fn(&Ray) -> A + Sync + Send,
+    ) -> Result<(), WrongLength> {
+        if rays.len() != answers.len() {
+            return Err(WrongLength { rays: rays.len(), answers: answers.len() });
+        }
+        parallel::zip_chunks_mut(rays, answers, CHUNK, |rays, answers| {
+            rays.iter().zip(answers).for_each(|(ray, out)| *out = answer(ray));
+        });
+        Ok(())
+    }
+}
+
+/// The hits of many rays, one list a ray.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct HitLists {
+    /// All lists, one after the other.
+    hits: Vec<Hit>,
+    /// Where each list ends.
+    ends: Vec<usize>,
+}
+
+impl HitLists {
+    /// How many rays were asked.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Whether no ray was asked.
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// The hits of ray `i`, ordered along it; `None` if there is no such ray.
+    pub fn get(&self, i: usize) -> Option<&[Hit]> {
+        let end = *self.ends.get(i)?;
+        let start = if i == 0 { 0 } else { self.ends[i - 1] };
+        self.hits.get(start..end)
+    }
+
+    /// All hits, ray after ray.
+    pub fn hits(&self) -> &[Hit] {
+        &self.hits
+    }
+}

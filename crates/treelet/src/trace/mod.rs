@@ -1,0 +1,10 @@
+//! Walks: how a ray finds the few triangles worth testing, and what that costs.
+
+pub mod counters;
+pub(crate) mod prepared;
+pub(crate) mod slack;
+mod stack;
+pub(crate) mod structure;
+pub(crate) mod walk;
+
+pub use counters::Counters;
