@@ -34,7 +34,9 @@ pub(crate) fn joined(words: impl IntoIterator<Item = OsString>) -> Vec<OsString>
     let mut camera: Option<OsString> = None;
     for word in words {
         let own = crate::camera::KEYS.iter().any(|key| {
-            word.to_str().is_some_and(|word| word.strip_prefix(key).is_some_and(|rest| rest.starts_with('=')))
+            word.to_str().is_some_and(|word| {
+                word.strip_prefix(key).is_some_and(|rest| rest.starts_with('='))
+            })
         });
         match &mut camera {
             Some(value) if own => {

@@ -77,9 +77,8 @@ mod tests {
     fn equal_corners_are_duplicates_in_any_order() {
         let positions =
             [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [-0.0; 3], [f32::NAN; 3], [2.0; 3]];
-        let count = |triangles: &[[u32; 3]]| {
-            count_mesh(&Mesh::new(positions, triangles.to_vec())).unwrap()
-        };
+        let count =
+            |triangles: &[[u32; 3]]| count_mesh(&Mesh::new(positions, triangles.to_vec())).unwrap();
         assert_eq!(count(&[]), 0);
         assert_eq!(count(&[[0, 1, 2], [0, 1, 5]]), 0);
         assert_eq!(count(&[[0, 1, 2], [2, 0, 1]]), 1, "turned");

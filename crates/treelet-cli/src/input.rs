@@ -88,12 +88,11 @@ impl Input {
                     cancelled: Some(Arc::new(move || cancel.is_cancelled())),
                     ..Default::default()
                 };
-                let model = treelet_import::load(file, &options).map_err(|error| {
-                    match error.fault {
+                let model =
+                    treelet_import::load(file, &options).map_err(|error| match error.fault {
                         Fault::Cancelled => Failure::Cancelled,
                         _ => Failure::from(error),
-                    }
-                })?;
+                    })?;
                 (file.display().to_string(), model)
             }
         };
@@ -129,7 +128,11 @@ impl Input {
         let placements = self.model.placements.len() as u64;
         let mut line = format!("{}: {}", self.name, text::things(stored, "triangle"));
         if placed != stored {
-            line += &format!(", seen as {} in {} instances", text::count(placed), text::count(placements));
+            line += &format!(
+                ", seen as {} in {} instances",
+                text::count(placed),
+                text::count(placements)
+            );
         }
         line + &format!("; ready in {}", text::time(self.time))
     }

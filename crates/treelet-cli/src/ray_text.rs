@@ -42,7 +42,8 @@ pub(crate) fn text(ray: &Ray) -> String {
 
 /// Three finite numbers with commas between.
 pub(crate) fn numbers(text: &str) -> Option<[f32; 3]> {
-    let numbers: Vec<f32> = text.split(',').map(|number| number.trim().parse()).collect::<Result<_, _>>().ok()?;
+    let numbers: Vec<f32> =
+        text.split(',').map(|number| number.trim().parse()).collect::<Result<_, _>>().ok()?;
     let numbers: [f32; 3] = numbers.try_into().ok()?;
     numbers.iter().all(|number| number.is_finite()).then_some(numbers)
 }
@@ -78,7 +79,8 @@ mod tests {
 
     #[test]
     fn wrong_rays_are_refused() {
-        for text in ["", "o=1,2,3", "o=1,2 d=0,0,1", "o=1,2,3 d=0,0,1 t=5", "o=1,2,3 d=0,0,x", "x"] {
+        for text in ["", "o=1,2,3", "o=1,2 d=0,0,1", "o=1,2,3 d=0,0,1 t=5", "o=1,2,3 d=0,0,x", "x"]
+        {
             assert!(text.parse::<RayText>().is_err(), "{text:?}");
         }
     }

@@ -1,6 +1,7 @@
 //! Where everything stands.
 
 use treelet::math::Affine;
+use treelet::verify::Random;
 use treelet_model::{Model, Object, Placement};
 
 use super::forest::SPECIES;
@@ -9,7 +10,7 @@ use super::knot::knot;
 use super::meadow::{flowers, tuft};
 use super::noise::fractal;
 use super::palette::Palette;
-use super::random::Random;
+
 use super::shape::turn;
 use super::terrace::{FLOOR, PLINTH, RADIUS, terrace};
 use super::terrain::{ground, height};
@@ -85,12 +86,12 @@ impl Garden<'_> {
         let stones = [0.3, 4.1, 8.7].map(|seed| self.object(stone(seed)));
         for index in 0..13 {
             // Behind and beside the terrace, from a little right of the front to the left.
-            let share = -0.07 + 0.64 * index as f32 / 12.0 + self.random.within(-0.006, 0.006);
-            let far = 9.4 + self.random.within(-0.3, 0.3);
+            let share = -0.07 + 0.64 * index as f32 / 12.0 + self.random.between(-0.006, 0.006);
+            let far = 9.4 + self.random.between(-0.3, 0.3);
             let (sin, cos) = turn(share);
             let (x, z) = (far * cos, -far * sin);
-            let facing = share + 0.25 + self.random.within(-0.03, 0.03);
-            let scale = self.random.within(0.8, 1.15);
+            let facing = share + 0.25 + self.random.between(-0.03, 0.03);
+            let scale = self.random.between(0.8, 1.15);
             self.place(stones[index % 3], [x, height(x, z) - 0.1, z], facing, scale);
         }
     }
@@ -100,8 +101,8 @@ impl Garden<'_> {
         let stones = [1.5, 6.2, 9.9].map(|seed| self.object(flagstone(seed)));
         for index in 0..14 {
             let z = RADIUS + 0.45 + 0.62 * index as f32;
-            let x = path_x(z) + self.random.within(-0.12, 0.12);
-            let scale = self.random.within(0.85, 1.15);
+            let x = path_x(z) + self.random.between(-0.12, 0.12);
+            let scale = self.random.between(0.85, 1.15);
             self.root(stones[index % 3], x, z, scale);
         }
     }
@@ -116,7 +117,7 @@ impl Garden<'_> {
         while planted < WOODS {
             let (sin, cos) = turn(self.random.unit());
             // Even over the area between the two radii.
-            let far = self.random.within(27.0 * 27.0, 300.0 * 300.0).sqrt();
+            let far = self.random.between(27.0 * 27.0, 300.0 * 300.0).sqrt();
             let (x, z) = (far * cos, far * sin);
             // Glades where the noise is low; nothing between the camera and the hills in front.
             let dense = fractal([x * 0.013, 7.7, z * 0.013], 3) + 0.10;
@@ -125,9 +126,9 @@ impl Garden<'_> {
                 continue;
             }
             // Firs prefer the heights.
-            let high = height(x, z) + self.random.within(-12.0, 12.0);
-            let kind = if high > 17.0 { 4 } else { self.random.below(kinds.len()) };
-            let scale = self.random.within(0.8, 1.5);
+            let high = height(x, z) + self.random.between(-12.0, 12.0);
+            let kind = if high > 17.0 { 4 } else { self.random.below(kinds.len() as u64) as usize };
+            let scale = self.random.between(0.8, 1.5);
             self.root(kinds[kind], x, z, scale);
             planted += 1;
         }
@@ -150,14 +151,14 @@ impl Garden<'_> {
             let drift = fractal([x * 0.30, 2.2, z * 0.30], 2);
             let flower = far < 26.0 && self.random.unit() < 0.03 + 0.35 * (drift - 0.12).max(0.0);
             let object = if flower {
-                let kind = fractal([x * 0.12, 5.5, z * 0.12], 2) + self.random.within(-0.15, 0.15);
+                let kind = fractal([x * 0.12, 5.5, z * 0.12], 2) + self.random.between(-0.15, 0.15);
                 flowers[usize::from(kind > -0.08) + usize::from(kind > 0.10)]
             } else {
-                tufts[self.random.below(tufts.len())]
+                tufts[self.random.below(tufts.len() as u64) as usize]
             };
             // Short beside the terrace, so that the steps stay in sight; longer in the open.
             let grown = ((far - RADIUS) * 0.18).clamp(0.35, 1.0);
-            let scale = grown * self.random.within(0.7, 1.3);
+            let scale = grown * self.random.between(0.7, 1.3);
             self.root(object, x, z, if flower { scale.max(0.7) } else { scale });
         }
     }
@@ -165,7 +166,7 @@ impl Garden<'_> {
     /// A place for the next plant of the meadow: two in five in front, near the camera.
     fn meadow_place(&mut self, index: usize) -> (f32, f32) {
         if index % 5 < 2 {
-            return (self.random.within(-9.0, 9.0), self.random.within(3.0, 13.0));
+            return (self.random.between(-9.0, 9.0), self.random.between(3.0, 13.0));
         }
         let (sin, cos) = turn(self.random.unit());
         let near = self.random.unit();

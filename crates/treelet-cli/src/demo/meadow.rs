@@ -1,10 +1,11 @@
 //! What grows on the ground: tufts of grass, and flowers.
 
 use treelet::math::vec3;
+use treelet::verify::Random;
 use treelet_model::Object;
 
 use super::palette::Palette;
-use super::random::Random;
+
 use super::shape::{Ring, Shape, across, turn};
 
 /// A tuft of bent blades, about `size` high.
@@ -15,14 +16,14 @@ pub(super) fn tuft(seed: u64, blades: usize, size: f32, material: Palette) -> Ob
         let (sin, cos) = turn(random.unit());
         let far = 0.45 * size * random.unit().sqrt();
         let foot = [far * cos, -0.03, far * sin];
-        let height = size * random.within(0.55, 1.0);
+        let height = size * random.between(0.55, 1.0);
         // Outer blades lean outward, all of them a little with the wind.
         let lean = [0.5 * far * cos + 0.12 * size, 0.0, 0.5 * far * sin + 0.05 * size];
         let lean = vec3::add(
             lean,
-            [random.within(-0.2, 0.2) * size, 0.0, random.within(-0.2, 0.2) * size],
+            [random.between(-0.2, 0.2) * size, 0.0, random.between(-0.2, 0.2) * size],
         );
-        blade(&mut shape, foot, height, lean, random.within(0.010, 0.018), random.unit());
+        blade(&mut shape, foot, height, lean, random.between(0.010, 0.018), random.unit());
     }
     Object { name: "grass".into(), parts: vec![shape.flat_part(material.index())] }
 }
@@ -59,15 +60,16 @@ pub(super) fn flowers(seed: u64, count: usize, petals: Palette) -> Object {
         let (sin, cos) = turn(random.unit());
         let far = 0.28 * random.unit().sqrt();
         let foot = [far * cos, -0.03, far * sin];
-        let height = random.within(0.22, 0.42);
-        let top = vec3::add(foot, [random.within(-0.05, 0.09), height, random.within(-0.06, 0.06)]);
+        let height = random.between(0.22, 0.42);
+        let top =
+            vec3::add(foot, [random.between(-0.05, 0.09), height, random.between(-0.06, 0.06)]);
         stalks.append(&Shape::tube(
             &[Ring { center: foot, radius: 0.005 }, Ring { center: top, radius: 0.003 }],
             4,
         ));
-        let facing = [random.within(-0.5, 0.5), 1.0, random.within(-0.2, 0.8)];
+        let facing = [random.between(-0.5, 0.5), 1.0, random.between(-0.2, 0.8)];
         let facing = vec3::normalize(facing).unwrap_or([0.0, 1.0, 0.0]);
-        head(&mut heads, top, facing, random.within(0.030, 0.045), random.unit());
+        head(&mut heads, top, facing, random.between(0.030, 0.045), random.unit());
         let heart = Shape::ball(3).deformed(|p| vec3::add(top, vec3::scale(p, 0.010)));
         hearts.append(&heart);
     }

@@ -13,7 +13,6 @@ mod knot;
 mod meadow;
 mod noise;
 mod palette;
-mod random;
 mod shape;
 mod terrace;
 mod terrain;

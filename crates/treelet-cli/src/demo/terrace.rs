@@ -2,10 +2,11 @@
 
 use std::f32::consts::TAU;
 
+use treelet::verify::Random;
 use treelet_model::{Object, Part};
 
 use super::palette::Palette;
-use super::random::Random;
+
 use super::shape::{Shape, turn};
 
 /// The height of the floor.
@@ -51,7 +52,7 @@ pub(super) fn terrace() -> Object {
             let sector = TAU / course.slabs as f32;
             let from = start + slab as f32 * sector;
             // Laid by hand: no two tops are quite level.
-            let top = course.top + random.within(-0.004, 0.004);
+            let top = course.top + random.between(-0.004, 0.004);
             add_slab(&mut ring, [course.inner, course.outer], [from, from + sector], top);
         }
         parts.push(ring.flat_part(course.material.index()));

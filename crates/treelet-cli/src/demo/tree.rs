@@ -4,11 +4,12 @@
 //! the golden angle, each a smaller limb by the same rule, and the thinnest carry leaves.
 
 use treelet::math::{Affine, vec3};
+use treelet::verify::Random;
 use treelet_model::Object;
 
 use super::noise;
 use super::palette::Palette;
-use super::random::Random;
+
 use super::shape::{Ring, Shape, across};
 
 /// The angle between neighbouring leaves on most stems, radians: a turn by the golden ratio.
@@ -110,9 +111,9 @@ impl Growth<'_> {
             center = vec3::add(center, vec3::scale(along, step));
             let waver = self.species.waver * if limb.level == 0 { 0.4 } else { 1.0 };
             let bend = [
-                self.random.within(-waver, waver),
-                self.random.within(-waver, waver) + self.species.lift * t.min(0.6),
-                self.random.within(-waver, waver),
+                self.random.between(-waver, waver),
+                self.random.between(-waver, waver) + self.species.lift * t.min(0.6),
+                self.random.between(-waver, waver),
             ];
             let bend = if limb.level == 0 { [bend[0], 0.1, bend[2]] } else { bend };
             along = vec3::normalize(vec3::add(along, bend)).unwrap_or(along);
@@ -124,16 +125,16 @@ impl Growth<'_> {
     fn branch(&mut self, limb: Limb, spine: &[Ring], count: usize) {
         let species = self.species;
         let bare = if limb.level == 0 { species.bare } else { 0.25 };
-        let mut angle = self.random.within(0.0, std::f32::consts::TAU);
+        let mut angle = self.random.between(0.0, std::f32::consts::TAU);
         for index in 0..count {
             let share = (index as f32 + self.random.unit()) / count as f32;
             let t = bare + (1.0 - bare) * share;
             let (place, along) = along_spine(spine, t);
-            angle += GOLDEN_ANGLE + self.random.within(-0.3, 0.3);
-            let spread = species.spread * self.random.within(0.8, 1.15) * (1.05 - 0.45 * share);
+            angle += GOLDEN_ANGLE + self.random.between(-0.3, 0.3);
+            let spread = species.spread * self.random.between(0.8, 1.15) * (1.05 - 0.45 * share);
             // Shorter toward the top, and a little at the foot, where light is scarce.
             let shape = 1.0 - species.taper * share;
-            let length = limb.length * species.shrink * shape * self.random.within(0.8, 1.15);
+            let length = limb.length * species.shrink * shape * self.random.between(0.8, 1.15);
             let side = Affine::rotation(along, angle).vector(across([0.3, 0.1, 1.0], along));
             let (sin, cos) = libm::sincosf(spread);
             let direction = vec3::add(vec3::scale(along, cos), vec3::scale(side, sin));
@@ -153,14 +154,14 @@ impl Growth<'_> {
         for index in 0..self.species.leaves {
             let t = (index as f32 + self.random.unit()) / self.species.leaves as f32;
             let (place, along) = along_spine(spine, 0.15 + 0.85 * t);
-            let angle = index as f32 * GOLDEN_ANGLE + self.random.within(-0.5, 0.5);
+            let angle = index as f32 * GOLDEN_ANGLE + self.random.between(-0.5, 0.5);
             let side = Affine::rotation(along, angle).vector(across(limb.along, along));
-            let out = vec3::add(side, vec3::scale(along, self.random.within(0.2, 1.0)));
-            let out = vec3::add(out, [0.0, self.random.within(-0.5, 0.35), 0.0]);
+            let out = vec3::add(side, vec3::scale(along, self.random.between(0.2, 1.0)));
+            let out = vec3::add(out, [0.0, self.random.between(-0.5, 0.35), 0.0]);
             let out = vec3::normalize(out).unwrap_or(along);
-            let size = self.random.within(0.7, 1.25);
+            let size = self.random.between(0.7, 1.25);
             let tint = usize::from(self.random.unit() < 0.42);
-            let up = [self.random.within(-0.6, 0.6), 1.0, self.random.within(-0.6, 0.6)];
+            let up = [self.random.between(-0.6, 0.6), 1.0, self.random.between(-0.6, 0.6)];
             leaf(&mut self.leaves[tint], place.center, out, up, [size * length, size * width]);
         }
     }
