@@ -5,8 +5,8 @@ use crate::error::RenderError;
 use crate::heat::{self, Ramp};
 use crate::image::Image;
 use crate::renderer::Renderer;
-use crate::standin::{Cancel, Counters};
 use rayon::prelude::*;
+use treelet::{Cancel, Counters};
 
 /// What can be shown instead of light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,10 +78,8 @@ impl Renderer<'_> {
 
     fn normal(&self, x: u32, y: u32) -> [u8; 3] {
         let ray = self.middle_ray(x, y);
-        let world = &self.world;
-        let surface = world.placed.scene.closest(&ray).and_then(|hit| {
-            world.surfaces.under(&hit, world.placed.placement(&hit), ray.direction)
-        });
+        let hit = self.world.placed.scene.closest(&ray);
+        let surface = hit.and_then(|hit| self.world.surface(&hit, ray.direction));
         surface.map_or([0; 3], |s| s.shading.map(|c| ((0.5 * c + 0.5) * 255.0 + 0.5) as u8))
     }
 

@@ -12,11 +12,10 @@ use crate::frame::Frame;
 use crate::light::{LightNumbers, Lights};
 use crate::sampler::Sampler;
 use crate::settings::{Settings, Strategy};
-use crate::standin::PlacedModel;
 use crate::surface::{Surface, Surfaces};
-use treelet::Ray;
 use treelet::math::vec3;
-use treelet_model::Material;
+use treelet::{Hit, Ray};
+use treelet_model::{Material, PlacedModel};
 
 /// The pair of the sampler that the pixel filter takes.
 pub(crate) const PAIR_FILTER: u32 = 0;
@@ -130,15 +129,18 @@ impl World<'_> {
         Seen { radiance: if finite { path.radiance } else { [0.0; 3] }, rays }
     }
 
+    /// The surface under a hit of a ray along `direction`.
+    #[inline]
+    pub(crate) fn surface(&self, hit: &Hit, direction: [f32; 3]) -> Option<Surface> {
+        self.surfaces.under(hit, self.placed.placement_index(hit)?, direction)
+    }
+
     /// Traces the path's ray, adds the emission it meets, and returns the vertex; `None` ends the
     /// path in the sky.
     fn meet(&self, path: &mut Path, settings: &Settings) -> Option<Vertex<'_>> {
         let direction = path.ray.direction;
         let hit = self.placed.scene.closest(&path.ray);
-        let surface = hit.and_then(|hit| {
-            let surface = self.surfaces.under(&hit, self.placed.placement(&hit), direction)?;
-            Some((hit.t, surface))
-        });
+        let surface = hit.and_then(|hit| Some((hit.t, self.surface(&hit, direction)?)));
         let Some((t, surface)) = surface else {
             // A smooth bounce after a broad one sees the widened sun.
             let wide = path.broad && path.pdf == 0.0;

@@ -24,7 +24,6 @@ mod renderer;
 pub mod sampler;
 mod settings;
 pub mod sky;
-pub mod standin;
 mod surface;
 pub mod tonemap;
 

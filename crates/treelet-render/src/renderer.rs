@@ -11,11 +11,10 @@ use crate::light::Lights;
 use crate::sampler::Sampler;
 use crate::settings::Settings;
 use crate::sky::{Environment, default_sky};
-use crate::standin::{Cancel, PlacedModel};
 use crate::surface::Surfaces;
 use rayon::prelude::*;
-use treelet::Ray;
-use treelet_model::{Camera, Material, Model};
+use treelet::{Cancel, Ray};
+use treelet_model::{Camera, Material, Model, PlacedModel};
 
 /// Renders one model through one camera.
 #[derive(Clone, Debug)]
