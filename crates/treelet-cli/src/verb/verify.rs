@@ -28,8 +28,14 @@ const BRUTE_TESTS: u64 = 900_000_000_000;
 /// What answers where brute force is too slow.
 const STAND_IN: &str = "sweep-sah";
 
-/// Rays between two looks at the clock and at Ctrl-C.
+/// Rays between two looks at Ctrl-C.
 const CHUNK: usize = 64;
+
+/// Rays that are made at a time.
+const BATCH: u64 = 1 << 16;
+
+/// The name of the first reference.
+const BRUTE: &str = "brute force";
 
 /// Hold the answers of every builder's tree against brute force
 #[derive(Debug, Args)]
@@ -39,7 +45,7 @@ pub(crate) struct Flags {
 
     /// How many rays: random ones, at vertices and edges, along axes, grazing, from surfaces.
     #[arg(long, value_name = "N", default_value_t = 10_000)]
-    rays: usize,
+    rays: u64,
 
     /// Other rays.
     #[arg(long, value_name = "N", default_value_t = 0)]
@@ -48,7 +54,7 @@ pub(crate) struct Flags {
     /// How many of the rays brute force answers; the sweep-SAH tree answers the rest [default: as
     /// many as take about a quarter of an hour on two cores].
     #[arg(long, value_name = "N")]
-    brute: Option<usize>,
+    brute: Option<u64>,
 
     /// Check one ray only, as a failed check prints it: "o=x,y,z d=x,y,z t=min,max".
     #[arg(long, value_name = "RAY", conflicts_with_all = ["rays", "seed", "brute"])]
@@ -120,31 +126,35 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         return Err(Failure::told("the catalogue of builders is empty"));
     };
 
-    // Choose the rays and how many of them brute force can answer.
+    // Decide how many rays brute force can answer.
     let start = Instant::now();
-    let rays = match flags.ray {
-        Some(RayText(ray)) => vec![ray],
-        None => verify::rays(scene, flags.rays, flags.seed),
-    };
+    let total = if flags.ray.is_some() { 1 } else { flags.rays };
     let brute = BruteForce::new(scene);
     let affordable = BRUTE_TESTS / brute.tests_per_ray().max(1);
-    let brute_rays = match (flags.ray, flags.brute) {
-        (Some(_), _) => 1,
-        (None, Some(count)) => count.min(rays.len()),
-        (None, None) => usize::try_from(affordable).unwrap_or(usize::MAX).min(rays.len()),
+    let brute_rays = match flags.ray {
+        Some(_) => 1,
+        None => flags.brute.unwrap_or(affordable).min(total),
     };
 
     // Compare, first ray first.
     let mut tally = Tally::default();
+    let mut difference = None;
     let stand_in = candidates.iter().find(|(name, _)| *name == STAND_IN).map_or(scene, |(_, s)| s);
     let by_brute_force = |ray: &Ray| brute.all(ray);
     let by_stand_in = |ray: &Ray| stand_in.all(ray);
-    let line = Line::bar(rays.len() as u64, "comparing");
-    let (first, rest) = rays.split_at(brute_rays);
-    let mut outcome = tally.compare(&candidates, first, "brute force", by_brute_force, &line, session)?;
-    tally.by_brute_force = tally.rays;
-    if outcome.is_none() {
-        outcome = tally.compare(&candidates, rest, STAND_IN, by_stand_in, &line, session)?;
+    let line = Line::bar(total, "comparing");
+    while tally.rays < total && difference.is_none() {
+        let rays = match flags.ray {
+            Some(RayText(ray)) => vec![ray],
+            None => batch(scene, flags.seed, tally.rays, total),
+        };
+        let first = usize::try_from(brute_rays.saturating_sub(tally.rays)).unwrap_or(usize::MAX);
+        let (first, rest) = rays.split_at(first.min(rays.len()));
+        difference = tally.compare(&candidates, first, BRUTE, by_brute_force, &line, session)?;
+        tally.by_brute_force = tally.rays.min(brute_rays);
+        if difference.is_none() {
+            difference = tally.compare(&candidates, rest, STAND_IN, by_stand_in, &line, session)?;
+        }
     }
     drop(line);
 
@@ -159,13 +169,20 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         stand_in: STAND_IN,
         hits: tally.hits,
         seconds: start.elapsed().as_secs_f64(),
-        difference: outcome,
+        difference,
         hits_of_ray,
         warnings: input.model.warnings,
     };
     tell(&report);
     let ending = if report.difference.is_some() { Ending::CheckFailed } else { Ending::Done };
     Outcome::new("verify", &report, ending)
+}
+
+/// The rays from number `from` on: at most [`BATCH`], so that memory does not grow with --rays.
+fn batch(scene: &Scene, seed: u64, from: u64, total: u64) -> Vec<Ray> {
+    let count = (total - from).min(BATCH) as usize;
+    // Each batch has a seed of its own, far from those of neighbouring --seed values.
+    verify::rays(scene, count, seed.wrapping_add((from / BATCH) << 32))
 }
 
 /// What was compared so far.
@@ -253,4 +270,41 @@ fn tell(report: &Report) {
             format!(", {} against {}", text::count(by_stand_in), report.stand_in)
         },
     ));
+}
+
+#[cfg(test)]
+mod tests {
+    use treelet::verify::{self, BruteForce};
+    use treelet::{BuildOptions, Mesh, Scene};
+
+    use super::{Line, Session, Tally};
+
+    fn scene(width: f32) -> Scene {
+        let mesh = Mesh::new([[0.0; 3], [width, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+        Scene::builder().mesh(mesh).build(&BuildOptions::default()).unwrap()
+    }
+
+    /// No builder is wrong, so a wrong scene takes its part.
+    #[test]
+    fn a_wrong_candidate_is_found_with_its_first_ray() {
+        let (right, wrong) = (scene(1.0), scene(0.99));
+        let rays = verify::rays(&right, 500, 3);
+        let brute = BruteForce::new(&right);
+        let candidates = [("right", right.clone()), ("wrong", wrong.clone())];
+        let session = Session { cancel: treelet::Cancel::new(), threads: 1 };
+        let mut tally = Tally::default();
+        let line = Line::spinner("");
+        let found =
+            tally.compare(&candidates, &rays, "brute force", |ray| brute.all(ray), &line, &session);
+        let found = found.unwrap().expect("the scenes differ");
+        assert_eq!(found.builder, "wrong");
+
+        // It is the first that differs, and its text gives it back.
+        let differs = |ray| verify::check(&wrong, ray, &brute.all(ray)).is_err();
+        let first = rays.iter().position(differs).unwrap();
+        assert_eq!(tally.rays, first as u64);
+        let super::RayText(ray) = found.ray.parse().unwrap();
+        assert_eq!(ray, rays[first]);
+        assert!(differs(&ray));
+    }
 }
