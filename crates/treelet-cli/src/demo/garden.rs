@@ -64,8 +64,8 @@ impl Garden<'_> {
         self.place(ground, [0.0; 3], 0.0, 1.0);
         let terrace = self.object(terrace());
         self.place(terrace, [0.0; 3], 0.0, 1.0);
-        let knot = self.object(knot(2.6));
-        self.place(knot, [0.0, PLINTH + 1.13, 0.0], 0.04, 1.0);
+        let knot = self.object(knot(3.3));
+        self.place(knot, [0.0, PLINTH + 1.50, 0.0], 0.03, 1.0);
     }
 
     /// Spheres and lanterns on the terrace, old stones around it.
@@ -73,13 +73,13 @@ impl Garden<'_> {
         let spheres = [Palette::Glass, Palette::Steel, Palette::Gold, Palette::Copper];
         let spheres = spheres.map(|material| self.object(sphere(material)));
         // From the left front around the back to the right front: share of a turn, and which.
-        let ring = [(0.615, 0), (0.50, 2), (0.40, 1), (0.10, 3), (0.0, 1), (0.885, 0)];
+        let ring = [(0.645, 0), (0.53, 2), (0.42, 1), (0.08, 3), (0.97, 1), (0.855, 0)];
         for (share, kind) in ring {
             let (sin, cos) = turn(share);
             self.place(spheres[kind], [3.95 * cos, FLOOR, -3.95 * sin], share, 1.0);
         }
         let lantern = self.object(lantern());
-        for share in [0.69, 0.555, 0.445, 0.335, 0.165, 0.055, 0.945, 0.81] {
+        for share in [0.60, 0.475, 0.35, 0.15, 0.025, 0.90] {
             let (sin, cos) = turn(share);
             self.place(lantern, [5.45 * cos, FLOOR, -5.45 * sin], share, 1.0);
         }

@@ -1,4 +1,4 @@
-//! The sculpture: three strands of metal, twisted into a rope that is tied into a trefoil.
+//! The sculpture: strands of gold, copper and blued steel, twisted into a rope that is tied into a trefoil.
 //!
 //! The rope follows the torus knot (2, 3); each strand winds around the rope's middle in a frame
 //! given by the torus itself, so that the strands close after one round.
@@ -12,13 +12,13 @@ use super::palette::Palette;
 use super::shape::{Edges, Shape, across};
 
 /// The strands' turns around the middle of the rope in one round.
-const TWISTS: f32 = 14.0;
+const TWISTS: f32 = 9.0;
 /// Quads along a strand and around it.
 const CELLS: (usize, usize) = (1800, 36);
 
 /// The knot about the origin, facing +z, as wide as `size`.
 pub(super) fn knot(size: f32) -> Object {
-    let metals = [Palette::Gold, Palette::Copper, Palette::Steel];
+    let metals = [Palette::Gold, Palette::Copper, Palette::BluedSteel];
     let strand = |index: usize, metal: Palette| {
         let phase = index as f32 / metals.len() as f32;
         let point = |u: f32, v: f32| surface(u, v, phase).map(|x| 0.5 * size * x);
@@ -30,8 +30,8 @@ pub(super) fn knot(size: f32) -> Object {
 
 /// A point of a strand: `u` along the knot, `v` around the strand.
 fn surface(u: f32, v: f32, phase: f32) -> [f32; 3] {
-    const ROPE: f32 = 0.098;
-    const STRAND: f32 = 0.088;
+    const ROPE: f32 = 0.112;
+    const STRAND: f32 = 0.097;
     let strand = |u: f32| {
         let (frame, center) = (frame(u), middle(u));
         let (sin, cos) = libm::sincosf(TAU * (TWISTS * u + phase));

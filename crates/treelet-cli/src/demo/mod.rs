@@ -25,7 +25,7 @@ use treelet_model::{Camera, Model, Sky, Sun};
 pub(crate) fn demo() -> Model {
     let mut model = Model { materials: palette::Palette::materials(), ..Model::default() };
     garden::plant(&mut model);
-    let camera = Camera::look_at([1.6, 2.25, 11.9], [0.0, 1.95, 0.0], [0.0, 1.0, 0.0], 0.66);
+    let camera = Camera::look_at([2.2, 1.9, 14.5], [0.0, 2.05, 0.0], [0.0, 1.0, 0.0], 0.56);
     model.cameras.extend(camera);
     model.sky = Some(golden_hour());
     model
@@ -36,11 +36,11 @@ fn golden_hour() -> Sky {
     let direction = vec3::normalize([-0.80, 0.42, 0.46]).unwrap_or([0.0, 1.0, 0.0]);
     Sky {
         up: 1,
-        zenith: [0.17, 0.30, 0.60],
-        horizon: [0.95, 0.74, 0.52],
+        zenith: [0.11, 0.24, 0.54],
+        horizon: [0.62, 0.66, 0.74],
         ground: [0.16, 0.14, 0.10],
-        // Irradiance pi * 0.03^2 * 1500, about 4: several times that of the sky.
-        sun: Some(Sun { direction, angular_radius: 0.03, radiance: [1950.0, 1330.0, 720.0] }),
+        // Irradiance pi * 0.03^2 * 2100, about 6: several times that of the sky.
+        sun: Some(Sun { direction, angular_radius: 0.03, radiance: [2900.0, 1960.0, 1050.0] }),
     }
 }
 

@@ -14,6 +14,7 @@ pub(super) enum Palette {
     Copper,
     Gold,
     Steel,
+    BluedSteel,
     Iron,
     Glass,
     Glow,
@@ -36,7 +37,7 @@ pub(super) enum Palette {
 
 impl Palette {
     /// Every material, in order.
-    const ALL: [Self; 27] = [
+    const ALL: [Self; 28] = [
         Self::Meadow,
         Self::Soil,
         Self::PaleStone,
@@ -46,6 +47,7 @@ impl Palette {
         Self::Copper,
         Self::Gold,
         Self::Steel,
+        Self::BluedSteel,
         Self::Iron,
         Self::Glass,
         Self::Glow,
@@ -85,9 +87,10 @@ impl Palette {
             Self::DarkStone => ("dark stone", stone([0.13, 0.125, 0.13], 0.22)),
             Self::Basalt => ("polished basalt", metal([0.12, 0.12, 0.135], 0.12)),
             Self::Rock => ("rock", diffuse([0.36, 0.34, 0.31])),
-            Self::Copper => ("copper", metal([0.95, 0.50, 0.32], 0.30)),
-            Self::Gold => ("gold", metal([1.0, 0.74, 0.30], 0.22)),
-            Self::Steel => ("steel", metal([0.80, 0.82, 0.84], 0.06)),
+            Self::Copper => ("copper", metal([0.93, 0.42, 0.24], 0.28)),
+            Self::Gold => ("gold", metal([1.0, 0.70, 0.24], 0.24)),
+            Self::Steel => ("steel", metal([0.80, 0.82, 0.84], 0.05)),
+            Self::BluedSteel => ("blued steel", metal([0.20, 0.27, 0.42], 0.22)),
             Self::Iron => ("iron", metal([0.18, 0.17, 0.17], 0.45)),
             Self::Glass => ("glass", glass()),
             Self::Glow => ("lantern light", glow()),
