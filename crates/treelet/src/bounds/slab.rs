@@ -62,12 +62,15 @@ impl Interval {
 }
 
 /// A ray prepared for many boxes.
+///
+/// Moving the lower planes back by `slack` is measuring them from an origin that is moved forward
+/// by it, and the other way round for the upper planes: whichever of the two the ray meets first.
 #[derive(Clone, Copy, Debug)]
 pub struct SlabRay {
-    /// What the planes that bound the entry are measured from: the origin, moved backward.
-    near_origin: [f32; 3],
-    /// What the planes that bound the exit are measured from: the origin, moved forward.
-    far_origin: [f32; 3],
+    /// `origin + slack`, rounded up: what lower planes are measured from.
+    above: [f32; 3],
+    /// `origin - slack`, rounded down: what upper planes are measured from.
+    below: [f32; 3],
     /// `1 / direction`.
     reciprocal: [f32; 3],
     /// Whether the ray meets the upper plane first.
@@ -79,21 +82,13 @@ impl SlabRay {
     /// on every side.
     #[inline]
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
-        let mut ray = Self {
-            near_origin: origin,
-            far_origin: origin,
+        Self {
+            // Rounded outward, so that even a slack below the origin's own precision is kept.
+            above: origin.map(|x| (x + slack).next_up()),
+            below: origin.map(|x| (x - slack).next_down()),
             reciprocal: direction.map(|d| 1.0 / d),
             backward: direction.map(f32::is_sign_negative),
-        };
-        for axis in 0..3 {
-            // Rounded outward, so that even a slack below the origin's own precision is kept.
-            let above = (origin[axis] + slack).next_up();
-            let below = (origin[axis] - slack).next_down();
-            let (near, far) = if ray.backward[axis] { (below, above) } else { (above, below) };
-            ray.near_origin[axis] = near;
-            ray.far_origin[axis] = far;
         }
-        ray
     }
 
     /// Where the ray is in the widened box.
@@ -101,13 +96,9 @@ impl SlabRay {
     pub fn interval(&self, bounds: &Aabb) -> Interval {
         let mut out = Interval::ALL;
         for axis in 0..3 {
-            let (near, far) = if self.backward[axis] {
-                (bounds.hi[axis], bounds.lo[axis])
-            } else {
-                (bounds.lo[axis], bounds.hi[axis])
-            };
-            let entry = (near - self.near_origin[axis]) * self.reciprocal[axis];
-            let exit = (far - self.far_origin[axis]) * self.reciprocal[axis];
+            let lower = (bounds.lo[axis] - self.above[axis]) * self.reciprocal[axis];
+            let upper = (bounds.hi[axis] - self.below[axis]) * self.reciprocal[axis];
+            let (entry, exit) = if self.backward[axis] { (upper, lower) } else { (lower, upper) };
             // Comparisons that are false for NaN keep what there is: see the module's head.
             if entry > out.entry {
                 out.entry = entry;

@@ -163,6 +163,11 @@ impl TriangleRay {
         (range.entry <= meeting.t && meeting.t <= range.exit).then_some(meeting)
     }
 
+    /// The axes, origin and shear: what a test of many triangles side by side needs.
+    pub(crate) fn parts(&self) -> ([usize; 3], [f32; 3], [f32; 3]) {
+        (self.axes, self.origin, self.shear)
+    }
+
     #[inline(always)]
     fn shear(&self, corner: [f32; 3]) -> Sheared {
         let moved = vec3::sub(corner, self.origin);
@@ -171,12 +176,13 @@ impl TriangleRay {
     }
 
     /// Weights and `t` where f32 can be trusted. The weights are divided first: the sum of products
-    /// in the paper leaves the f32 range from about 1e13.
+    /// in the paper leaves the f32 range from about 1e13. Depth is the first corner's plus shares of
+    /// the differences, so that a triangle that faces the ray squarely is met at exactly its depth.
     #[inline(always)]
     fn meet(&self, [a, b, c]: &[Sheared; 3], [u, v, w]: [f32; 3]) -> Meeting {
         let det = u + v + w;
-        let (u, v, w) = (u / det, v / det, w / det);
-        let z = u * a[2] + v * b[2] + w * c[2];
+        let (v, w) = (v / det, w / det);
+        let z = a[2] + (v * (b[2] - a[2]) + w * (c[2] - a[2]));
         Meeting { t: z * self.shear[2], u: v, v: w }
     }
 
@@ -193,8 +199,8 @@ impl TriangleRay {
         if det == 0.0 || !det.is_finite() {
             return None;
         }
-        let (u, v, w) = (u / det, v / det, w / det);
-        let z = u * a[2] + v * b[2] + w * c[2];
+        let (v, w) = (v / det, w / det);
+        let z = a[2] + (v * (b[2] - a[2]) + w * (c[2] - a[2]));
         let t = (z / f64::from(self.direction_z)) as f32;
         Some(Meeting { t, u: v as f32, v: w as f32 })
     }

@@ -15,6 +15,7 @@
 
 use crate::bounds::Aabb;
 use crate::build::Info;
+use crate::context::{Cancel, Cancelled};
 use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
 
@@ -130,7 +131,12 @@ pub(crate) struct Lowered {
 }
 
 /// Packs a tree over `triangles` triangles, numbered first, and instances, numbered after them.
-pub(crate) fn lower(tree: &Tree, bounds: &[Aabb], triangles: usize) -> Lowered {
+pub(crate) fn lower(
+    tree: &Tree,
+    bounds: &[Aabb],
+    triangles: usize,
+    cancel: &Cancel,
+) -> Result<Lowered, Cancelled> {
     let mut lowering = Lowering {
         tree,
         bounds,
@@ -139,12 +145,12 @@ pub(crate) fn lower(tree: &Tree, bounds: &[Aabb], triangles: usize) -> Lowered {
         triangles: Vec::with_capacity(triangles),
         instances: Vec::with_capacity(tree.prims.len() - triangles),
     };
-    let root = lowering.run();
-    Lowered {
+    let root = lowering.run(cancel)?;
+    Ok(Lowered {
         layout: Binary { nodes: lowering.nodes, root, bounds: tree.bounds() },
         triangles: lowering.triangles,
         instances: lowering.instances,
-    }
+    })
 }
 
 struct Lowering<'a> {
@@ -158,51 +164,35 @@ struct Lowering<'a> {
 
 impl Lowering<'_> {
     /// Lowers depth first, so that a node's left subtree follows it in memory.
-    fn run(&mut self) -> Child {
-        if self.tree.nodes.is_empty() {
-            return Child::EMPTY;
-        }
-        let root = self.open(0);
-        // (node of the tree, its packed place), for inner nodes whose children are not packed yet.
+    fn run(&mut self, cancel: &Cancel) -> Result<Child, Cancelled> {
+        let Some(root) = self.tree.nodes.first() else { return Ok(Child::EMPTY) };
+        // Inner nodes whose children are still to be packed: the left one, and where they go.
         let mut open = Vec::new();
-        if let Kind::Inner { left } = self.tree.nodes[0].kind() {
-            open.push((left, 0_usize));
-        }
+        let root = self.child(root.kind(), &mut open);
         while let Some((left, place)) = open.pop() {
+            cancel.check()?;
             // The right one first, so that the left one is on top of the stack.
-            let right_place = self.reserve(left + 1);
-            let left_place = self.reserve(left);
-            for (side, packed) in [(1, right_place), (0, left_place)] {
+            for side in [1, 0] {
                 let node = &self.tree.nodes[left + side];
+                let child = self.child(node.kind(), &mut open);
                 self.nodes[place].bounds[side] = node.bounds;
-                match node.kind() {
-                    Kind::Inner { left } => {
-                        self.nodes[place].children[side] = Child::inner(packed as u32);
-                        open.push((left, packed));
-                    }
-                    Kind::Leaf { first, count } => {
-                        self.nodes[place].children[side] = self.leaf(first, count);
-                    }
-                }
+                self.nodes[place].children[side] = child;
             }
         }
-        root
+        Ok(root)
     }
 
-    /// The child word of the root.
-    fn open(&mut self, node: usize) -> Child {
-        match self.tree.nodes[node].kind() {
-            Kind::Inner { .. } => Child::inner(self.reserve(node) as u32),
+    /// The word for a node of the tree: a leaf is packed now, an inner node gets a place.
+    fn child(&mut self, kind: Kind, open: &mut Vec<(usize, usize)>) -> Child {
+        match kind {
+            Kind::Inner { left } => {
+                let place = self.nodes.len();
+                self.nodes.push(UNWRITTEN);
+                open.push((left, place));
+                Child::inner(place as u32)
+            }
             Kind::Leaf { first, count } => self.leaf(first, count),
         }
-    }
-
-    /// A place for an inner node; leaves need none.
-    fn reserve(&mut self, node: usize) -> usize {
-        if matches!(self.tree.nodes[node].kind(), Kind::Inner { .. }) {
-            self.nodes.push(UNWRITTEN);
-        }
-        self.nodes.len().wrapping_sub(1)
     }
 
     /// Packs a leaf; one with both kinds becomes a node of two leaves.

@@ -177,6 +177,15 @@ impl Scene {
         levels
     }
 
+    /// A triangle on the level of `inst`, chosen by two random numbers; `None` if the level has none.
+    pub(crate) fn pick_triangle(&self, inst: u64, geom: u64, prim: u64) -> Option<[[f32; 3]; 3]> {
+        let level = self.descend(inst, |_, _| ())?;
+        let geom = geom.checked_rem(level.geometries.len() as u64)?;
+        let mesh = &level.geometries[geom as usize].mesh;
+        let prim = prim.checked_rem(mesh.triangles().len() as u64)?;
+        mesh.defect(prim as usize).is_none().then(|| mesh.corners(prim as usize))?
+    }
+
     pub(crate) fn structure(&self) -> &Structure {
         &self.structure
     }

@@ -1,0 +1,54 @@
+//! Every builder, every awkward scene, every query: the same bits as brute force.
+
+use treelet::bounds::Aabb;
+use treelet::build::{self, Builder};
+use treelet::verify::{self, BruteForce};
+use treelet::{BuildOptions, Context, Mesh, Scene};
+use treelet_testkit::{Shape, awkward};
+
+const SEED: u64 = 0x7EE1E7;
+
+fn mesh(shape: &Shape) -> Mesh {
+    Mesh::new(shape.positions.clone(), shape.triangles.clone())
+}
+
+fn build(shape: &Shape, builder: &dyn Builder) -> Scene {
+    let options = BuildOptions { builder, ..BuildOptions::default() };
+    Scene::builder().mesh(mesh(shape)).build(&options).expect("awkward scenes build")
+}
+
+#[test]
+fn every_builder_answers_like_brute_force() {
+    for scene in awkward::all(1000) {
+        for &builder in build::ALL {
+            let built = build(&scene.shape, builder);
+            let brute = BruteForce::new(&built);
+            let rays = verify::rays(&built, 600, SEED);
+            let name = builder.info().name;
+            if let Err(mismatch) = verify::check_many(&built, &rays, |ray| brute.all(ray)) {
+                panic!("{}, {name}, seed {SEED:#x}: {mismatch}", scene.name);
+            }
+            assert_eq!(built.report().skipped.triangles, scene.invalid, "{}, {name}", scene.name);
+        }
+    }
+}
+
+#[test]
+fn every_tree_is_valid() {
+    for scene in awkward::all(100_000) {
+        let mesh = mesh(&scene.shape);
+        let bounds: Vec<Aabb> = (0..mesh.triangles().len())
+            .filter(|&prim| mesh.defect(prim).is_none())
+            .map(|prim| Aabb::of_points(&mesh.corners(prim).unwrap()))
+            .collect();
+        for builder in build::ALL {
+            let name = builder.info().name;
+            let tree = builder.build(&bounds, &Context::default()).unwrap();
+            if let Err(error) = tree.validate(&bounds) {
+                panic!("{}, {name}: {error}", scene.name);
+            }
+            let stats = tree.stats();
+            assert!(stats.leaf_max <= 4, "{}, {name}: {stats:?}", scene.name);
+        }
+    }
+}
