@@ -32,7 +32,7 @@ impl Default for Settings {
             max_bounces: 8,
             seed: 0,
             up: 1,
-            clamp_indirect: 20.0,
+            clamp_indirect: 8.0,
             regularize: true,
             strategy: Strategy::Both,
         }

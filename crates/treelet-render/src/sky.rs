@@ -48,7 +48,7 @@ const STEPS: usize = 64;
 /// The ground begins softly, over this much height below the horizon.
 const HAZE: f32 = 0.03;
 /// The half angle of the sun as smooth surfaces show it to scattered light, radians.
-const WIDE_SUN: f32 = 0.15;
+const WIDE_SUN: f32 = 0.3;
 
 /// A sky, prepared for sampling.
 #[derive(Clone, Debug)]

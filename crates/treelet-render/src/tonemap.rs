@@ -23,13 +23,13 @@ impl Default for ToneMap {
 }
 
 /// Steepness of the curve in log exposure; 1 is Reinhard's, more has more contrast.
-const CONTRAST: f32 = 1.25;
+const CONTRAST: f32 = 1.4;
 /// Scene value of a grey card, by convention.
 const GREY: f32 = 0.18;
-/// What a grey card becomes, linear: slightly lifted, as a sunlit scene is dominated by shade.
-const GREY_SHOWN: f32 = 0.21;
+/// What a grey card becomes, linear: itself.
+const GREY_SHOWN: f32 = 0.18;
 /// How much of the mean of the channels each channel takes in.
-const LEAK: f32 = 0.12;
+const LEAK: f32 = 0.06;
 
 impl ToneMap {
     /// The 8-bit sRGB value of a linear radiance. NaN and negative radiance are black.

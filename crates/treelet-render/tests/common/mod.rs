@@ -2,20 +2,21 @@
 #![allow(dead_code, reason = "every test file takes what it needs")]
 
 use treelet::{Affine, BuildOptions, Cancel, Mesh};
-use treelet_model::{Camera, Material, Model, Object, Part, Placement, PlacedModel};
+use treelet_model::{Camera, Material, Model, Object, Part, PlacedModel, Placement};
 use treelet_render::{Film, Renderer, Settings};
 
 /// The unit cube `-1 ..= 1`, corners turning left seen from outside.
-pub fn cube() -> Mesh {
+pub(crate) fn cube() -> Mesh {
     let corner = |i: u32| [0, 1, 2].map(|axis| if i >> axis & 1 == 1 { 1.0 } else { -1.0 });
-    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let quads =
+        [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
     let triangles: Vec<[u32; 3]> =
         quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
     Mesh::new((0..8).map(corner).collect::<Vec<_>>(), triangles)
 }
 
 /// A unit sphere of `2 n^2` quads, and its normals, which are its positions.
-pub fn sphere(n: u32) -> (Mesh, Vec<[f32; 3]>) {
+pub(crate) fn sphere(n: u32) -> (Mesh, Vec<[f32; 3]>) {
     let (rings, columns) = (n, 2 * n);
     let mut positions = vec![[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]];
     for ring in 1..rings {
@@ -41,27 +42,27 @@ pub fn sphere(n: u32) -> (Mesh, Vec<[f32; 3]>) {
 }
 
 /// A flat-shaded part.
-pub fn part(mesh: Mesh, material: usize) -> Part {
+pub(crate) fn part(mesh: Mesh, material: usize) -> Part {
     Part { mesh, normals: None, material }
 }
 
 /// A quadrilateral of two triangles, its corners in order.
-pub fn quad(corners: [[f32; 3]; 4]) -> Mesh {
+pub(crate) fn quad(corners: [[f32; 3]; 4]) -> Mesh {
     Mesh::new(corners, [[0, 1, 2], [0, 2, 3]])
 }
 
 /// A diffuse material without a coat.
-pub fn lambert(color: [f32; 3]) -> Material {
+pub(crate) fn lambert(color: [f32; 3]) -> Material {
     Material { base_color: color, ior: 1.0, ..Material::default() }
 }
 
 /// A lamp that reflects nothing.
-pub fn lamp(radiance: [f32; 3]) -> Material {
+pub(crate) fn lamp(radiance: [f32; 3]) -> Material {
     Material { emission: radiance, ..lambert([0.0; 3]) }
 }
 
 /// A model with one object a part, each placed once where it is.
-pub fn model(parts: Vec<Part>, materials: Vec<Material>) -> Model {
+pub(crate) fn model(parts: Vec<Part>, materials: Vec<Material>) -> Model {
     let place = |object| Placement { object, world_from_object: Affine::IDENTITY };
     let placements = (0..parts.len()).map(place).collect();
     let object = |part| Object { name: String::new(), parts: vec![part] };
@@ -71,13 +72,18 @@ pub fn model(parts: Vec<Part>, materials: Vec<Material>) -> Model {
 
 /// A room of side 2 around the origin, open toward +z, white with a red and a green wall, a lamp
 /// under the ceiling, a tall mirror box and a glass ball: what Cornell's box became.
-pub fn box_scene() -> Model {
+pub(crate) fn box_scene() -> Model {
     let materials = vec![
         lambert([0.73, 0.73, 0.73]),
         lambert([0.63, 0.065, 0.05]),
         lambert([0.14, 0.45, 0.091]),
         lamp([15.0, 12.0, 8.0]),
-        Material { base_color: [0.9, 0.8, 0.5], metallic: 1.0, roughness: 0.3, ..Material::default() },
+        Material {
+            base_color: [0.9, 0.8, 0.5],
+            metallic: 1.0,
+            roughness: 0.3,
+            ..Material::default()
+        },
         Material { base_color: [1.0; 3], transmission: 1.0, roughness: 0.0, ..Material::default() },
         Material { base_color: [0.1, 0.2, 0.6], roughness: 0.25, ..Material::default() },
     ];
@@ -95,7 +101,8 @@ pub fn box_scene() -> Model {
     ];
     let mut model = model(walls, materials);
     let (ball, normals) = sphere(24);
-    let smooth = |material| Part { mesh: ball.clone(), normals: Some(normals.clone().into()), material };
+    let smooth =
+        |material| Part { mesh: ball.clone(), normals: Some(normals.clone().into()), material };
     for (part, scale, at, angle) in [
         (part(cube(), 4), [0.28, 0.55, 0.28], [-0.4, -0.45, -0.35], 0.35),
         (smooth(5), [0.32; 3], [0.45, -0.68, 0.3], 0.0),
@@ -112,22 +119,27 @@ pub fn box_scene() -> Model {
 }
 
 /// The camera in front of [`box_scene`].
-pub fn box_camera() -> Camera {
+pub(crate) fn box_camera() -> Camera {
     camera([0.0, 0.0, 3.9], [0.0; 3], 0.69)
 }
 
 /// A camera that looks from one point to another, y upward.
-pub fn camera(from: [f32; 3], at: [f32; 3], fov: f32) -> Camera {
+pub(crate) fn camera(from: [f32; 3], at: [f32; 3], fov: f32) -> Camera {
     Camera::look_at(from, at, [0.0, 1.0, 0.0], fov).expect("a camera")
 }
 
 /// The model's scene.
-pub fn placed(model: &Model) -> PlacedModel {
+pub(crate) fn placed(model: &Model) -> PlacedModel {
     PlacedModel::build(model, &BuildOptions::default()).expect("a sound model")
 }
 
 /// The film after some passes, and the rays they took.
-pub fn render(model: &Model, camera: &Camera, settings: Settings, passes: u32) -> (Film, u64) {
+pub(crate) fn render(
+    model: &Model,
+    camera: &Camera,
+    settings: Settings,
+    passes: u32,
+) -> (Film, u64) {
     let placed = placed(model);
     let renderer = Renderer::new(model, &placed, camera, settings).expect("a renderer");
     let mut film = renderer.film().expect("a film");
@@ -139,7 +151,7 @@ pub fn render(model: &Model, camera: &Camera, settings: Settings, passes: u32) -
 }
 
 /// Settings of a small picture without any cutting or softening.
-pub fn exact(width: u32, height: u32) -> Settings {
+pub(crate) fn exact(width: u32, height: u32) -> Settings {
     Settings {
         width,
         height,
