@@ -66,6 +66,15 @@ fn parts_follow_materials() {
 }
 
 #[test]
+fn vertices_alone_are_an_empty_part() {
+    for text in [V, "# nothing\n"] {
+        let got = check("a.obj", text, &[]);
+        assert_eq!((got.objects[0].parts.len(), got.materials.len()), (1, 1), "{text}");
+        assert_eq!(got.warnings, ["The file holds no triangles."], "{text}");
+    }
+}
+
+#[test]
 fn faces_too_small_are_counted() {
     let got = check("a.obj", format!("{V}f 1\nf 1 2\nf\nf 1 2 3\n"), &[LOWER]);
     assert_eq!(got.warnings, ["3 faces have fewer than three corners; left out."]);

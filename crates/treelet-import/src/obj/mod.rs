@@ -65,7 +65,12 @@ impl Importer for Obj {
         let mut model = Model::default();
         let mut object = Object { name: reader.name.clone(), parts: Vec::new() };
         let mut unknown = 0;
-        let names: Vec<String> = reader.parts.iter().map(|part| part.material.clone()).collect();
+        let mut names: Vec<String> =
+            reader.parts.iter().map(|part| part.material.clone()).collect();
+        if names.is_empty() {
+            // Vertices without faces still make a part.
+            names.push(String::new());
+        }
         let mut library: HashMap<&str, &Material> = HashMap::new();
         for material in &materials {
             library.entry(&material.name).or_insert(material);

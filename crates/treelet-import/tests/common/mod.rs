@@ -6,20 +6,20 @@ use treelet_import::{ImportError, Options, load_bytes};
 use treelet_model::Model;
 
 /// A triangle by its corners.
-pub type Corners = [[f32; 3]; 3];
+pub(crate) type Corners = [[f32; 3]; 3];
 
 /// Reads a file from memory.
-pub fn read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Model, ImportError> {
+pub(crate) fn read(name: &str, bytes: impl AsRef<[u8]>) -> Result<Model, ImportError> {
     load_bytes(name, bytes.as_ref(), &Options::default())
 }
 
 /// Reads a file that is sound.
-pub fn model(name: &str, bytes: impl AsRef<[u8]>) -> Model {
+pub(crate) fn model(name: &str, bytes: impl AsRef<[u8]>) -> Model {
     read(name, bytes).unwrap_or_else(|error| panic!("{error}"))
 }
 
 /// Every triangle of every placement, in order, in the world.
-pub fn soup(model: &Model) -> Vec<Corners> {
+pub(crate) fn soup(model: &Model) -> Vec<Corners> {
     let mut triangles = Vec::new();
     for placement in &model.placements {
         for part in &model.objects[placement.object].parts {
@@ -34,7 +34,7 @@ pub fn soup(model: &Model) -> Vec<Corners> {
 
 /// Checks that a file holds exactly these triangles, corner by corner.
 #[track_caller]
-pub fn check(name: &str, bytes: impl AsRef<[u8]>, want: &[Corners]) -> Model {
+pub(crate) fn check(name: &str, bytes: impl AsRef<[u8]>, want: &[Corners]) -> Model {
     let model = model(name, bytes);
     assert_eq!(soup(&model), want, "{name}");
     model
@@ -42,7 +42,7 @@ pub fn check(name: &str, bytes: impl AsRef<[u8]>, want: &[Corners]) -> Model {
 
 /// Checks that a file is refused in these words.
 #[track_caller]
-pub fn check_error(name: &str, bytes: impl AsRef<[u8]>, want: &str) {
+pub(crate) fn check_error(name: &str, bytes: impl AsRef<[u8]>, want: &str) {
     match read(name, bytes) {
         Ok(_) => panic!("{name} was read, but should give: {want}"),
         Err(error) => assert!(error.to_string().contains(want), "{error}\nshould contain: {want}"),
@@ -50,19 +50,19 @@ pub fn check_error(name: &str, bytes: impl AsRef<[u8]>, want: &str) {
 }
 
 /// Three corners of a unit square in the xy plane, and the other three.
-pub const LOWER: Corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
-pub const UPPER: Corners = [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+pub(crate) const LOWER: Corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]];
+pub(crate) const UPPER: Corners = [[0.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 /// Corners of that square, in order.
-pub const SQUARE: [[f32; 3]; 4] =
+pub(crate) const SQUARE: [[f32; 3]; 4] =
     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
 
 /// Numbers as little-endian bytes.
-pub fn le(values: &[f32]) -> Vec<u8> {
+pub(crate) fn le(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|value| value.to_le_bytes()).collect()
 }
 
 /// A GLB of JSON and one buffer.
-pub fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
+pub(crate) fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
     let pad = |bytes: &[u8], with: u8| {
         let mut bytes = bytes.to_vec();
         bytes.resize(bytes.len().next_multiple_of(4), with);
@@ -84,14 +84,14 @@ pub fn glb(json: &str, binary: &[u8]) -> Vec<u8> {
 
 /// The unit square as a GLB: four positions, then six u16 indices. `extra` is put into the root,
 /// `node` is the only node.
-pub fn square_glb(node: &str, extra: &str) -> Vec<u8> {
+pub(crate) fn square_glb(node: &str, extra: &str) -> Vec<u8> {
     let mut binary = le(SQUARE.as_flattened());
     binary.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|index| index.to_le_bytes()));
     glb(&square_json(node, "", extra), &binary)
 }
 
 /// The JSON of [`square_glb`]; `uri` is put into the buffer.
-pub fn square_json(node: &str, uri: &str, extra: &str) -> String {
+pub(crate) fn square_json(node: &str, uri: &str, extra: &str) -> String {
     format!(
         r#"{{"asset":{{"version":"2.0"}},"scenes":[{{"nodes":[0]}}],"nodes":[{node}],
         "meshes":[{{"name":"square","primitives":[{{"attributes":{{"POSITION":0}},"indices":1}}]}}],
@@ -104,7 +104,7 @@ pub fn square_json(node: &str, uri: &str, extra: &str) -> String {
 }
 
 /// A binary STL of triangles.
-pub fn binary_stl(header: &[u8], triangles: &[Corners]) -> Vec<u8> {
+pub(crate) fn binary_stl(header: &[u8], triangles: &[Corners]) -> Vec<u8> {
     let mut bytes = header.to_vec();
     bytes.resize(80, b' ');
     bytes.extend((triangles.len() as u32).to_le_bytes());
@@ -117,7 +117,7 @@ pub fn binary_stl(header: &[u8], triangles: &[Corners]) -> Vec<u8> {
 }
 
 /// The common binary PLY: three f32, then u8 counts and i32 indices.
-pub fn binary_ply(positions: &[[f32; 3]], faces: &[&[i32]]) -> Vec<u8> {
+pub(crate) fn binary_ply(positions: &[[f32; 3]], faces: &[&[i32]]) -> Vec<u8> {
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\nelement vertex {}\nproperty float x\n\
          property float y\nproperty float z\nelement face {}\n\
@@ -135,13 +135,13 @@ pub fn binary_ply(positions: &[[f32; 3]], faces: &[&[i32]]) -> Vec<u8> {
 }
 
 /// The unit square as OBJ.
-pub const SQUARE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n";
+pub(crate) const SQUARE_OBJ: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 1 3 4\n";
 
 /// The unit square as ascii PLY.
-pub const SQUARE_PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\n\
+pub(crate) const SQUARE_PLY: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\n\
     property float y\nproperty float z\nelement face 1\nproperty list uchar int vertex_index\n\
     end_header\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
 
 /// One triangle as ascii STL.
-pub const LOWER_STL: &str = "solid a b\n facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n   \
+pub(crate) const LOWER_STL: &str = "solid a b\n facet normal 0 0 1\n  outer loop\n   vertex 0 0 0\n   \
     vertex 1 0 0\n   vertex 1 1 0\n  endloop\n endfacet\nendsolid a b\n";
