@@ -4,6 +4,7 @@ use std::fmt;
 use std::io;
 use std::path::PathBuf;
 
+use treelet::context::Cancelled;
 use treelet::memory::OutOfMemory;
 
 /// A scene that could not be read.
@@ -126,7 +127,7 @@ pub enum Fault {
     OutOfMemory(#[from] OutOfMemory),
     /// The caller's flag was raised.
     #[error("reading was cancelled")]
-    Cancelled,
+    Cancelled(#[from] Cancelled),
 }
 
 impl Fault {
@@ -146,6 +147,17 @@ pub(crate) const DAMAGED: &str = "the file is damaged or cut short: copy or expo
 
 /// At most so many bytes of a file are quoted in a message.
 const QUOTE_MAX: usize = 40;
+
+/// Text of a file as a message shows it: cut to a readable length.
+pub(crate) fn clip(text: &str) -> String {
+    match text.char_indices().nth(CLIP_MAX) {
+        Some((end, _)) => format!("{}...", &text[..end]),
+        None => text.to_owned(),
+    }
+}
+
+/// At most so many characters of a path are shown.
+const CLIP_MAX: usize = 200;
 
 /// Bytes of a file as a message shows them: quoted, escaped, cut to a readable length.
 pub(crate) fn quote(bytes: &[u8]) -> String {

@@ -11,7 +11,10 @@
 //! make that hours, so the tests of one file are counted and end in an error; this is also why
 //! a library for it did not fit.
 
+use treelet::context::Cancel;
 use treelet::math::vec3;
+
+use crate::error::Fault;
 
 /// So many point tests are done for a file before it is refused; about a minute of work.
 const TESTS_MAX: u64 = 1 << 35;
@@ -19,6 +22,7 @@ const TESTS_MAX: u64 = 1 << 35;
 /// Splits polygons, one after another, with the same memory.
 #[derive(Debug)]
 pub(crate) struct Splitter {
+    cancel: Cancel,
     tests_left: u64,
     points: Vec<[f64; 2]>,
     next: Vec<u32>,
@@ -28,13 +32,10 @@ pub(crate) struct Splitter {
     triangles: Vec<[u32; 3]>,
 }
 
-/// The file's polygons take too long to split.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct TooComplex;
-
 impl Splitter {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(cancel: &Cancel) -> Self {
         Self {
+            cancel: cancel.clone(),
             tests_left: TESTS_MAX,
             points: Vec::new(),
             next: Vec::new(),
@@ -46,7 +47,9 @@ impl Splitter {
     }
 
     /// The triangles of a polygon, as indices into `corners`: two fewer than it has corners.
-    pub(crate) fn split(&mut self, corners: &[[f32; 3]]) -> Result<&[[u32; 3]], TooComplex> {
+    ///
+    /// Fails if the file's polygons take too long or the caller's flag is raised.
+    pub(crate) fn split(&mut self, corners: &[[f32; 3]]) -> Result<&[[u32; 3]], Fault> {
         self.triangles.clear();
         if corners.len() < 3 {
             return Ok(&self.triangles);
@@ -91,7 +94,7 @@ impl Splitter {
     }
 
     /// Cuts corners off until a triangle is left.
-    fn clip_ears(&mut self) -> Result<(), TooComplex> {
+    fn clip_ears(&mut self) -> Result<(), Fault> {
         let n = self.points.len();
         self.next.clear();
         self.previous.clear();
@@ -140,10 +143,16 @@ impl Splitter {
     }
 
     /// Whether a corner is convex and free of reflex corners.
-    fn is_ear(&mut self, at: usize) -> Result<bool, TooComplex> {
+    fn is_ear(&mut self, at: usize) -> Result<bool, Fault> {
         let (before, after) = (self.previous[at] as usize, self.next[at] as usize);
         let cost = self.reflex.len() as u64 + 1;
-        self.tests_left = self.tests_left.checked_sub(cost).ok_or(TooComplex)?;
+        self.cancel.check()?;
+        let Some(tests_left) = self.tests_left.checked_sub(cost) else {
+            let found =
+                format!("a polygon of {} corners takes too long to split", self.points.len());
+            return Err(Fault::broken(found, "triangulate the mesh before you export it"));
+        };
+        self.tests_left = tests_left;
         if self.is_reflex[at] {
             return Ok(false);
         }
@@ -217,7 +226,12 @@ pub(crate) fn quad_splits_at_0(q: [[f32; 3]; 4]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{Splitter, TooComplex};
+    use super::Splitter;
+    use treelet::context::Cancel;
+
+    fn splitter() -> Splitter {
+        Splitter::new(&Cancel::new())
+    }
 
     /// The area of the triangles, and that of the polygon, both signed, in the xy plane.
     fn areas(corners: &[[f32; 3]], triangles: &[[u32; 3]]) -> (f64, f64, f64) {
@@ -236,7 +250,7 @@ mod tests {
     }
 
     fn check(corners: &[[f32; 3]]) {
-        let mut splitter = Splitter::new();
+        let mut splitter = splitter();
         let triangles = splitter.split(corners).unwrap();
         assert_eq!(triangles.len(), corners.len() - 2, "{corners:?}");
         let (sum, absolute, whole) = areas(corners, triangles);
@@ -266,7 +280,7 @@ mod tests {
         let side = [[0, 0], [1, 0], [2, 0], [2, 1], [2, 2], [1, 2], [0, 2], [0, 1]];
         let square = side.map(|[x, y]| [x as f32, y as f32, 0.0]);
         check(&square);
-        let mut splitter = Splitter::new();
+        let mut splitter = splitter();
         let flat = splitter.split(&square).unwrap().iter().filter(|t| {
             let (sum, ..) = areas(&square, &[**t]);
             sum == 0.0
@@ -284,7 +298,7 @@ mod tests {
         for n in 3..200 {
             let corners: Vec<_> = (0..n)
                 .map(|i| {
-                    let angle = i as f32 / n as f32 * 6.283;
+                    let angle = i as f32 / n as f32 * core::f32::consts::TAU;
                     let radius = 0.1 + random();
                     [radius * libm::cosf(angle), radius * libm::sinf(angle), 0.0]
                 })
@@ -305,20 +319,27 @@ mod tests {
             vec![[0.0; 3], [1.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.5, 3.0, 0.0]];
         let huge = vec![[f32::MAX; 3], [-f32::MAX, 0.0, 0.0], [0.0, f32::MAX, 0.0], [1.0; 3]];
         for corners in [vec![[1.0; 3]; 7], vec![nan; 5], star, line, bow, huge] {
-            let count = Splitter::new().split(&corners).unwrap().len();
+            let count = splitter().split(&corners).unwrap().len();
             assert_eq!(count, corners.len() - 2, "{corners:?}");
         }
         let mut one_nan = vec![[0.0; 3], [1.0, 0.0, 0.0], nan, [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
-        assert_eq!(Splitter::new().split(&one_nan).unwrap().len(), 3);
+        assert_eq!(splitter().split(&one_nan).unwrap().len(), 3);
         one_nan.truncate(2);
-        assert_eq!(Splitter::new().split(&one_nan), Ok(&[][..]));
+        assert!(splitter().split(&one_nan).is_ok_and(<[_]>::is_empty));
     }
 
     #[test]
     fn work_is_bounded() {
-        let mut splitter = Splitter::new();
+        let mut splitter = splitter();
         splitter.tests_left = 10;
         let zigzag: Vec<_> = (0..50).map(|i| [i as f32, (i * i % 7) as f32, 0.0]).collect();
-        assert_eq!(splitter.split(&zigzag), Err(TooComplex));
+        let error = splitter.split(&zigzag).unwrap_err().to_string();
+        assert!(error.starts_with("a polygon of 50 corners takes too long"), "{error}");
+
+        let cancel = Cancel::new();
+        let mut splitter = Splitter::new(&cancel);
+        assert!(splitter.split(&zigzag).is_ok());
+        cancel.cancel();
+        assert_eq!(splitter.split(&zigzag).unwrap_err().to_string(), "reading was cancelled");
     }
 }

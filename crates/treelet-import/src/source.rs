@@ -7,7 +7,7 @@ use std::path::{Component, Path, PathBuf};
 use treelet_model::Model;
 
 use crate::budget::Budget;
-use crate::error::{Fault, ImportError, Place, Result};
+use crate::error::{Fault, ImportError, Place, Result, clip};
 use crate::options::Options;
 use crate::unpack;
 
@@ -54,10 +54,7 @@ impl<'a> Source<'a> {
 
     /// Ends the import if the caller says so. To be asked every few thousand items.
     pub(crate) fn check_cancelled(&self) -> Result<()> {
-        match &self.options.cancelled {
-            Some(cancelled) if cancelled() => Err(self.error(Place::File, Fault::Cancelled)),
-            _ => Ok(()),
-        }
+        self.whole(self.options.cancel.check().map_err(Fault::from))
     }
 
     /// Appends to a vector within the budget.
@@ -102,7 +99,7 @@ impl<'a> Source<'a> {
     /// allow it; addresses always.
     pub(crate) fn side_file(&self, place: &Place, target: &str) -> Result<SideFile> {
         let refuse = |fault| Err(self.error(place.clone(), fault));
-        let owned = || target.to_owned();
+        let owned = || clip(target);
         if is_url(target) {
             return refuse(Fault::Url { target: owned() });
         }
@@ -121,7 +118,7 @@ impl<'a> Source<'a> {
         });
         let Some(found) = candidates.iter().find(|path| path.exists()) else {
             return refuse(Fault::broken(
-                format!("names the file {target:?}, which is not there, nor as .zst or .gz"),
+                format!("names the file {:?}, which is not there, nor as .zst or .gz", owned()),
                 "put it beside the scene",
             ));
         };

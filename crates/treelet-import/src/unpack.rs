@@ -142,9 +142,7 @@ pub(crate) fn read_all(
     check: impl Fn(u64) -> Result<(), Fault>,
 ) -> Result<(), Fault> {
     loop {
-        if options.cancelled.as_ref().is_some_and(|cancelled| cancelled()) {
-            return Err(Fault::Cancelled);
-        }
+        options.cancel.check()?;
         // Make room: twice the size each time, so that bytes are moved about once.
         if out.capacity() - out.len() < CHUNK {
             let extra = out.len().max(CHUNK).min(usize::try_from(budget.left()).unwrap_or(CHUNK));

@@ -13,6 +13,9 @@ use super::container::{self, Parts};
 /// JSON text may take so many times its size in memory once it is structures.
 const BYTES_PER_BYTE: u64 = 64;
 
+/// At most so many characters of a message of the JSON library are passed on.
+const MESSAGE_MAX: usize = 200;
+
 /// The whole document.
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "camelCase", default)]
@@ -230,10 +233,16 @@ pub(super) fn parse(source: &Source<'_>, parts: &Parts<'_>) -> Result<Root> {
     }
     let root: Root = serde_json::from_slice(parts.json).map_err(|error| {
         let place = Place::Line(error.line() as u64);
-        source.broken(place, format!("JSON: {error}"), super::INVALID)
+        // The message may quote a value of any length.
+        let text: String = error.to_string().chars().take(MESSAGE_MAX).collect();
+        source.broken(place, format!("JSON: {text}"), super::INVALID)
     })?;
     if root.asset.version.starts_with("1.") {
         return Err(source.error(Place::File, container::old_version()));
+    }
+    if root.asset.version.is_empty() && root.meshes.is_empty() {
+        let found = "is JSON without \"asset\" and \"meshes\"";
+        return Err(source.broken(Place::File, found, "check that it is a glTF file"));
     }
     Ok(root)
 }
@@ -311,6 +320,10 @@ pub(super) fn compressed(extensions: &HashMap<String, IgnoredAny>) -> Option<Fau
 
 /// Names what is left out.
 pub(super) fn collect_warnings(root: &Root, warnings: &mut Vec<String>) {
+    let scenes = root.scenes.len();
+    if scenes > 1 {
+        warnings.push(format!("The file has {scenes} scenes; only its default is read."));
+    }
     if !root.animations.is_empty() {
         warnings.push("Animations are not read; nodes stand as the file places them.".to_owned());
     }

@@ -10,6 +10,9 @@ use super::json::{self, Root};
 /// What a texture that is not read multiplies the base colour by: most are of middle brightness.
 const TEXTURE_MEAN: f32 = 0.5;
 
+/// Nothing transparent bends light more; diamond has 2.42, germanium in the infrared 4.
+const IOR_MAX: f32 = 5.0;
+
 /// All materials of a file, and at the end the one that primitives have by default.
 pub(super) fn read_all(root: &Root, warnings: &mut Vec<String>) -> Vec<Material> {
     let mut has_textures = false;
@@ -55,7 +58,7 @@ fn read(json: &json::Material, has_textures: &mut bool) -> Material {
     // Light that comes out or goes through.
     let strength = extensions.emissive_strength.as_ref().and_then(|e| e.emissive_strength);
     let strength = if textured(&json.emissive_texture) { 0.0 } else { strength.unwrap_or(1.0) };
-    let emission = json.emissive_factor.map(|channel| (channel * strength).max(0.0));
+    let emission = json.emissive_factor.map(|channel| (channel * strength).clamp(0.0, f32::MAX));
     let transmission = extensions.transmission.as_ref().map_or(0.0, |transmission| {
         let textured = textured(&transmission.transmission_texture);
         transmission.transmission_factor * if textured { TEXTURE_MEAN } else { 1.0 }
@@ -68,7 +71,7 @@ fn read(json: &json::Material, has_textures: &mut bool) -> Material {
         roughness: unit(roughness),
         transmission: unit(transmission),
         // An index of 0 stands for "infinite" in that extension; 1 and more are physical.
-        ior: ior.max(1.0),
+        ior: ior.clamp(1.0, IOR_MAX),
         emission,
     }
 }

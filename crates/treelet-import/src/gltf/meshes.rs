@@ -163,7 +163,7 @@ impl<'s, 'a> Meshes<'s, 'a> {
         corner: impl Fn(usize) -> u32,
     ) -> Result<Vec<[u32; 3]>> {
         let len = if mode == mode::TRIANGLES { count / 3 } else { count.saturating_sub(2) };
-        self.ragged += usize::from(mode == mode::TRIANGLES && count % 3 != 0);
+        self.ragged += usize::from(mode == mode::TRIANGLES && !count.is_multiple_of(3));
         let mut triangles = self.source.vec(len, "triangles")?;
         triangles.extend((0..len).map(|i| {
             match mode {

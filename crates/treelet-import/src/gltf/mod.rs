@@ -21,7 +21,7 @@ mod nodes;
 use treelet_model::Model;
 
 use crate::catalogue::{Importer, Info};
-use crate::error::{Place, Result};
+use crate::error::{Place, Result, quote};
 use crate::source::Source;
 
 use buffers::Buffers;
@@ -68,7 +68,7 @@ impl Importer for Gltf {
 
 /// The place of an item of one of the lists, with its name if it has one.
 fn item(list: &str, index: usize, name: &str) -> Place {
-    let name = if name.is_empty() { String::new() } else { format!(" {name:?}") };
+    let name = if name.is_empty() { String::new() } else { format!(" {}", quote(name.as_bytes())) };
     Place::Element(format!("{list} {index}{name}"))
 }
 

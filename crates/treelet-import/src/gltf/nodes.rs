@@ -38,11 +38,13 @@ pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>)
             return Err(source.broken(parent.place(nodes), found, super::INVALID));
         };
         if let Some(first) = parents[index].replace(parent) {
-            let found = format!(
-                "has two parents, {} and {}; nodes must form trees without cycles",
-                first.name(),
-                parent.name()
-            );
+            parents[index] = Some(first);
+            let (first, second) = (first.name(), parent.name());
+            let found = if is_below(&parents, parent, index) {
+                format!("is its own ancestor, as a child of {second}; nodes must form trees")
+            } else {
+                format!("has two parents, {first} and {second}; nodes must form trees")
+            };
             return Err(source.broken(place(nodes, index), found, super::INVALID));
         }
         let Some(local) = local_transform(node) else {
@@ -58,8 +60,9 @@ pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>)
             let rounded = Affine(world.map(|row| row.map(|entry| entry as f32)));
             source.push(&mut walk.placed, (mesh, rounded), "placements")?;
         }
-        if let Some(camera) = node.camera.and_then(|camera| root.cameras.get(camera)) {
-            match perspective(camera, node, &world) {
+        if let Some(camera) = node.camera {
+            let camera = root.cameras.get(camera);
+            match camera.and_then(|camera| perspective(camera, node, &world)) {
                 Some(camera) => walk.cameras.push(camera),
                 None => flat_cameras = true,
             }
@@ -95,6 +98,22 @@ impl Parent {
             Self::Node(index) => place(nodes, index),
         }
     }
+}
+
+/// Whether `node` is `ancestor` or stands below it.
+fn is_below(parents: &[Option<Parent>], node: Parent, ancestor: usize) -> bool {
+    let mut at = node;
+    // The chain of parents has no cycle: each node was entered once, after its parent.
+    while let Parent::Node(index) = at {
+        if index == ancestor {
+            return true;
+        }
+        match parents.get(index) {
+            Some(Some(parent)) => at = *parent,
+            _ => return false,
+        }
+    }
+    false
 }
 
 fn place(nodes: &[Node], index: usize) -> Place {

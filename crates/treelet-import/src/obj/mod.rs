@@ -65,7 +65,12 @@ impl Importer for Obj {
         let mut model = Model::default();
         let mut object = Object { name: reader.name.clone(), parts: Vec::new() };
         let mut unknown = 0;
-        let names: Vec<String> = reader.parts.iter().map(|part| part.material.clone()).collect();
+        let mut names: Vec<String> =
+            reader.parts.iter().map(|part| part.material.clone()).collect();
+        if names.is_empty() {
+            // Vertices without faces still make a part.
+            names.push(String::new());
+        }
         let mut library: HashMap<&str, &Material> = HashMap::new();
         for material in &materials {
             library.entry(&material.name).or_insert(material);
@@ -101,8 +106,18 @@ fn read_library(
     materials: &mut Vec<Material>,
     warnings: &mut Vec<String>,
 ) -> Result<()> {
-    match source.side_file(&Place::Line(line), name) {
-        Ok(side) => mtl::read(&source.beside(&side), materials, warnings),
+    // One name, blanks and all; or several.
+    let place = Place::Line(line);
+    let whole = source.side_file(&place, name).map(|side| vec![side]);
+    let found = whole.or_else(|error| {
+        let names = name.split_ascii_whitespace();
+        let each: Result<Vec<_>> = names.map(|name| source.side_file(&place, name)).collect();
+        each.or(Err(error))
+    });
+    match found {
+        Ok(sides) => {
+            sides.iter().try_for_each(|side| mtl::read(&source.beside(side), materials, warnings))
+        }
         Err(error) if error.file == source.file => {
             warnings.push(format!("Materials are missing: {}{}.", error.place, error.fault));
             Ok(())

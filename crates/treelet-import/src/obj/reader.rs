@@ -43,6 +43,8 @@ pub(super) struct Reader<'s, 'a> {
     /// Statements that are known and not read, and others.
     unread: [Option<&'static str>; UNREAD.len()],
     unknown: u64,
+    /// The first line that starts with no known word.
+    first_unknown: Option<(u64, String)>,
     splitter: Splitter,
     polygon: Vec<Corner>,
     corners: Vec<[f32; 3]>,
@@ -73,7 +75,8 @@ impl<'s, 'a> Reader<'s, 'a> {
             too_small: 0,
             unread: [None; UNREAD.len()],
             unknown: 0,
-            splitter: Splitter::new(),
+            first_unknown: None,
+            splitter: Splitter::new(&source.options.cancel),
             polygon: Vec::new(),
             corners: Vec::new(),
         }
@@ -85,7 +88,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         let mut joined = Vec::new();
         while let Some(line) = lines.next() {
             let number = lines.number;
-            if number % POLL_LINES == 0 {
+            if number.is_multiple_of(POLL_LINES) {
                 self.source.check_cancelled()?;
             }
             let Some(start) = line.strip_suffix(b"\\") else {
@@ -107,7 +110,14 @@ impl<'s, 'a> Reader<'s, 'a> {
             }
             self.statement(&joined, number)?;
         }
-        Ok(())
+        match &self.first_unknown {
+            Some((line, word)) if self.positions.is_empty() => Err(self.source.broken(
+                Place::Line(*line),
+                format!("{word} is no OBJ statement, and there is no vertex in the file"),
+                "check that it is an OBJ file",
+            )),
+            _ => Ok(()),
+        }
     }
 
     fn append(&self, joined: &mut Vec<u8>, line: &[u8]) -> Result<()> {
@@ -122,8 +132,10 @@ impl<'s, 'a> Reader<'s, 'a> {
         for what in self.unread.iter().flatten() {
             warnings.push(format!("OBJ {what} are not read."));
         }
-        if self.unknown > 0 {
-            warnings.push(format!("{} lines start with no known word; left out.", self.unknown));
+        if let Some((line, word)) = &self.first_unknown {
+            let lines = self.unknown;
+            let first = format!("the first is line {line} with {word}");
+            warnings.push(format!("{lines} lines start with no known word, {first}; left out."));
         }
         if self.too_small > 0 {
             let faces = self.too_small;
@@ -166,18 +178,19 @@ impl<'s, 'a> Reader<'s, 'a> {
                 Ok(())
             }
             _ => {
-                self.step_over(word);
+                self.step_over(word, number);
                 Ok(())
             }
         }
     }
 
     /// Remembers a statement that is not read.
-    fn step_over(&mut self, word: &[u8]) {
+    fn step_over(&mut self, word: &[u8], number: u64) {
         if let Some(i) = UNREAD.iter().position(|(name, _)| name.as_bytes() == word) {
             self.unread[i] = Some(UNREAD[i].1);
         } else if !HARMLESS.iter().any(|name| name.as_bytes() == word) {
             self.unknown += 1;
+            self.first_unknown.get_or_insert_with(|| (number, quote(word)));
         }
     }
 
@@ -250,11 +263,8 @@ impl<'s, 'a> Reader<'s, 'a> {
             source.push(triangles, [*a, *b, *c], TRIANGLES)?;
             return source.push(triangles, [*a, *c, *d], TRIANGLES);
         }
-        let Ok(split) = self.splitter.split(&self.corners) else {
-            let found = format!("a face of {} corners takes too long to split", self.corners.len());
-            let remedy = "triangulate the mesh before you export it";
-            return Err(source.broken(Place::Line(number), found, remedy));
-        };
+        let split = self.splitter.split(&self.corners);
+        let split = split.map_err(|fault| source.error(Place::Line(number), fault))?;
         for triangle in split {
             let triangle = triangle.map(|corner| self.polygon[corner as usize]);
             source.push(triangles, triangle, TRIANGLES)?;

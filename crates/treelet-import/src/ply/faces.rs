@@ -27,7 +27,7 @@ impl<'s, 'a> Faces<'s, 'a> {
             source,
             triangles: Vec::new(),
             too_small: 0,
-            splitter: Splitter::new(),
+            splitter: Splitter::new(&source.options.cancel),
             polygon: Vec::new(),
             corners: Vec::new(),
         }
@@ -61,19 +61,18 @@ impl<'s, 'a> Faces<'s, 'a> {
             let rows = usize::try_from(element.count).unwrap_or(usize::MAX);
             self.source.make_room(&mut self.triangles, rows, TRIANGLES)?;
         }
-        let mut done = 0;
-        let common = matches!((count_type, item_type), (Type::U8, Type::I32 | Type::U32));
-        for row in 0..element.count {
-            if row % POLL_ROWS == 0 {
+        let is_common = element.properties.len() == 1
+            && matches!((count_type, item_type), (Type::U8, Type::I32 | Type::U32));
+        let mut row = 0;
+        while row < element.count {
+            if row.is_multiple_of(POLL_ROWS) {
                 self.source.check_cancelled()?;
             }
             // Take a run of triangles at once where the layout is the common one.
-            if row < done {
-                continue;
-            }
-            if R::LITTLE_ENDIAN && common && element.properties.len() == 1 && !is_strips {
-                done = row + self.read_triangle_run(rows, element.count - row)?;
-                if row < done {
+            if R::LITTLE_ENDIAN && is_common && !is_strips {
+                let run = self.read_triangle_run(rows, element.count - row)?;
+                if run > 0 {
+                    row += run;
                     continue;
                 }
             }
@@ -83,6 +82,7 @@ impl<'s, 'a> Faces<'s, 'a> {
             } else {
                 self.add_polygon(row, positions)?;
             }
+            row += 1;
         }
         Ok(())
     }
@@ -161,13 +161,10 @@ impl<'s, 'a> Faces<'s, 'a> {
             source.push(&mut self.triangles, [*a, *b, *c], TRIANGLES)?;
             return source.push(&mut self.triangles, [*a, *c, *d], TRIANGLES);
         }
-        let Ok(split) = self.splitter.split(&self.corners) else {
-            return Err(source.broken(
-                Place::Element(format!("face {row}")),
-                format!("has {} corners and takes too long to split", self.corners.len()),
-                "triangulate the mesh before you export it",
-            ));
-        };
+        let split = self
+            .splitter
+            .split(&self.corners)
+            .map_err(|fault| source.error(Place::Element(format!("face {row}")), fault))?;
         for triangle in split {
             let triangle = triangle.map(|corner| self.polygon[corner as usize]);
             source.push(&mut self.triangles, triangle, TRIANGLES)?;

@@ -198,6 +198,7 @@ impl<'a> HeaderLines<'a> {
         let rest = &self.bytes[self.at..];
         let len = memchr::memmem::find(rest, self.end)?;
         self.at += len + self.end.len();
-        Some(&rest[..len])
+        let line = &rest[..len];
+        Some(line.strip_suffix(b"\r").unwrap_or(line))
     }
 }

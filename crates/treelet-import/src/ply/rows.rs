@@ -79,7 +79,7 @@ pub(super) trait Rows<'a>: Clone {
             return Ok(());
         }
         for row in 0..element.count {
-            if row % POLL_ROWS == 0 {
+            if row.is_multiple_of(POLL_ROWS) {
                 self.source().check_cancelled()?;
             }
             for property in &element.properties {

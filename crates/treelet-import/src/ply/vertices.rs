@@ -63,7 +63,7 @@ pub(super) fn read<'a, R: Rows<'a>>(
         .collect();
     let mut values = [0.0_f64; SPARE + 1];
     for row in 0..element.count {
-        if row % POLL_ROWS == 0 {
+        if row.is_multiple_of(POLL_ROWS) {
             source.check_cancelled()?;
         }
         for &(kind, slot) in &slots {

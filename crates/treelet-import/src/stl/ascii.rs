@@ -31,12 +31,12 @@ pub(super) fn read(source: &Source<'_>) -> Result<Model> {
         corners: Vec::new(),
         facet: Vec::new(),
         open: Vec::new(),
-        splitter: Splitter::new(),
+        splitter: Splitter::new(&source.options.cancel),
         split_facets: 0,
     };
     let mut lines = Lines::new(source.bytes);
     while let Some(line) = lines.next() {
-        if lines.number % POLL_LINES == 0 {
+        if lines.number.is_multiple_of(POLL_LINES) {
             source.check_cancelled()?;
         }
         let mut words = Words(line);
@@ -175,10 +175,8 @@ impl Reader<'_, '_> {
             return Err(source.broken(Place::Line(line), found, DAMAGED));
         }
         self.split_facets += u64::from(self.facet.len() > 3);
-        let Ok(split) = self.splitter.split(&self.facet) else {
-            let found = format!("a loop of {} vertices takes too long to split", self.facet.len());
-            return Err(source.broken(Place::Line(line), found, "export triangles"));
-        };
+        let split = self.splitter.split(&self.facet);
+        let split = split.map_err(|fault| source.error(Place::Line(line), fault))?;
         if self.corners.len() / 3 + split.len() > super::TRIANGLES_MAX {
             let found = "the solid has more corners than 32 bits count";
             return Err(source.broken(Place::Line(line), found, "split the solid"));
