@@ -1,7 +1,6 @@
 //! The scene that a verb works on: a file, or the built-in one.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use clap::{Args, ValueEnum};
@@ -82,15 +81,14 @@ impl Input {
             None => ("demo".to_owned(), crate::demo::demo()),
             Some(file) => {
                 let _line = Line::spinner("reading");
-                let cancel = session.cancel.clone();
                 let options = treelet_import::Options {
                     allow_outside: flags.allow_outside,
-                    cancelled: Some(Arc::new(move || cancel.is_cancelled())),
+                    cancel: session.cancel.clone(),
                     ..Default::default()
                 };
                 let model =
                     treelet_import::load(file, &options).map_err(|error| match error.fault {
-                        Fault::Cancelled => Failure::Cancelled,
+                        Fault::Cancelled(_) => Failure::Cancelled,
                         _ => Failure::from(error),
                     })?;
                 (file.display().to_string(), model)
