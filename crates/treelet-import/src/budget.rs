@@ -1,0 +1,86 @@
+//! The bytes an import may still spend, and vectors that grow within it and never abort.
+
+use std::cell::Cell;
+
+use treelet::memory::OutOfMemory;
+
+use crate::error::Fault;
+
+/// What is left of [`crate::Limits::max_bytes`]. Spent bytes do not come back: the limit bounds
+/// the work of an import as well as its memory.
+#[derive(Debug)]
+pub(crate) struct Budget {
+    left: Cell<u64>,
+}
+
+impl Budget {
+    pub(crate) fn new(bytes: u64) -> Self {
+        Self { left: Cell::new(bytes) }
+    }
+
+    /// Bytes that may still be spent.
+    pub(crate) fn left(&self) -> u64 {
+        self.left.get()
+    }
+
+    /// Takes `bytes` off, or says what they were wanted for.
+    pub(crate) fn spend(&self, bytes: u64, what: &'static str) -> Result<(), Fault> {
+        let limit = self.left.get();
+        match limit.checked_sub(bytes) {
+            Some(left) => self.left.set(left),
+            None => return Err(Fault::TooBig { what, needed: bytes, limit }),
+        }
+        Ok(())
+    }
+
+    /// An empty vector with room for `len` items.
+    pub(crate) fn vec<T>(&self, len: usize, what: &'static str) -> Result<Vec<T>, Fault> {
+        let mut items = Vec::new();
+        self.reserve(&mut items, len, what)?;
+        Ok(items)
+    }
+
+    /// `len` copies of `item`.
+    pub(crate) fn filled<T: Clone>(
+        &self,
+        item: T,
+        len: usize,
+        what: &'static str,
+    ) -> Result<Vec<T>, Fault> {
+        let mut items = self.vec(len, what)?;
+        items.resize(len, item);
+        Ok(items)
+    }
+
+    /// Appends `item`.
+    #[inline(always)]
+    pub(crate) fn push<T>(
+        &self,
+        items: &mut Vec<T>,
+        item: T,
+        what: &'static str,
+    ) -> Result<(), Fault> {
+        if items.len() == items.capacity() {
+            self.reserve(items, items.len().max(FIRST_ROOM), what)?;
+        }
+        items.push(item);
+        Ok(())
+    }
+
+    /// Makes room for `extra` more items, to the item.
+    #[cold]
+    pub(crate) fn reserve<T>(
+        &self,
+        items: &mut Vec<T>,
+        extra: usize,
+        what: &'static str,
+    ) -> Result<(), Fault> {
+        let bytes = (extra as u64).saturating_mul(size_of::<T>() as u64);
+        self.spend(bytes, what)?;
+        items.try_reserve_exact(extra).map_err(|_| OutOfMemory { bytes, what })?;
+        Ok(())
+    }
+}
+
+/// The room that a growing vector starts with.
+const FIRST_ROOM: usize = 16;

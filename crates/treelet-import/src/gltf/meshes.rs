@@ -1,0 +1,186 @@
+//! Meshes to objects, primitives to parts.
+
+use std::collections::HashMap;
+
+use treelet::memory::Array;
+use treelet_model::{Model, Object, Part};
+
+use crate::error::{Place, Result};
+use crate::normals;
+use crate::source::Source;
+
+use super::accessor::Accessors;
+use super::buffers::Buffers;
+use super::json::{self, Mesh, Primitive, Root, mode};
+
+/// Reads meshes, each once, and positions that several primitives share once.
+pub(super) struct Meshes<'s, 'a> {
+    source: &'s Source<'a>,
+    root: &'s Root,
+    accessors: Accessors<'s, 'a>,
+    /// Object of each mesh that was read.
+    objects: HashMap<usize, usize>,
+    positions: HashMap<usize, Array<[f32; 3]>>,
+    /// Primitives that are points or lines.
+    unread: usize,
+    /// Primitives whose last triangle lacks corners.
+    ragged: usize,
+    replaced_normals: usize,
+}
+
+impl<'s, 'a> Meshes<'s, 'a> {
+    pub(super) fn new(source: &'s Source<'a>, root: &'s Root, buffers: &'s Buffers<'a>) -> Self {
+        Self {
+            source,
+            root,
+            accessors: Accessors { source, root, buffers },
+            objects: HashMap::new(),
+            positions: HashMap::new(),
+            unread: 0,
+            ragged: 0,
+            replaced_normals: 0,
+        }
+    }
+
+    /// The object of a mesh, read now if this is the first time.
+    pub(super) fn object(&mut self, mesh: usize, model: &mut Model) -> Result<usize> {
+        if let Some(&object) = self.objects.get(&mesh) {
+            return Ok(object);
+        }
+        self.source.check_cancelled()?;
+        let Some(json) = self.root.meshes.get(mesh) else {
+            let found = format!("is named, but there are {}", self.root.meshes.len());
+            return Err(self.source.broken(super::item("mesh", mesh, ""), found, super::INVALID));
+        };
+        let mut parts = Vec::new();
+        for (index, primitive) in json.primitives.iter().enumerate() {
+            let place = primitive_place(mesh, json, index);
+            parts.extend(self.part(primitive, place, model)?);
+        }
+        let object = model.objects.len();
+        model.objects.push(Object { name: json.name.clone(), parts });
+        self.objects.insert(mesh, object);
+        Ok(object)
+    }
+
+    /// What was left out or mended.
+    pub(super) fn warnings(&self) -> Vec<String> {
+        let Self { unread, ragged, replaced_normals, .. } = self;
+        let mut warnings = Vec::new();
+        if *unread > 0 {
+            warnings.push(format!("{unread} primitives are points or lines; left out."));
+        }
+        if *ragged > 0 {
+            warnings.push(format!("{ragged} primitives end inside a triangle; that is left out."));
+        }
+        if *replaced_normals > 0 {
+            warnings.push(format!("{replaced_normals} normals of no length were replaced."));
+        }
+        warnings
+    }
+
+    /// The part of a primitive; `None` if it has no triangles by nature.
+    fn part(&mut self, primitive: &Primitive, place: Place, model: &Model) -> Result<Option<Part>> {
+        let source = self.source;
+        if primitive.mode > mode::TRIANGLE_FAN {
+            let found = format!("has mode {}", primitive.mode);
+            return Err(source.broken(place, found, super::INVALID));
+        }
+        let Some(position) =
+            primitive.attributes.position.filter(|_| primitive.mode >= mode::TRIANGLES)
+        else {
+            self.unread += 1;
+            return Ok(None);
+        };
+        // A decoder's place-holder has no data; if there is data beside it, all is well.
+        let has_data = |accessor: usize| {
+            self.root.accessors.get(accessor).is_some_and(|a| a.buffer_view.is_some())
+        };
+        if let Some(fault) = json::compressed(&primitive.extensions)
+            && !has_data(position)
+        {
+            return Err(source.error(place, fault));
+        }
+
+        let positions = match self.positions.get(&position) {
+            Some(positions) => positions.clone(),
+            None => {
+                let positions = self.accessors.vectors(position, "positions")?;
+                self.positions.insert(position, positions.clone());
+                positions
+            }
+        };
+        if positions.len() as u64 > u64::from(u32::MAX) {
+            return Err(source.broken(place, "has more than 2^32 vertices", "split the mesh"));
+        }
+        let triangles = match primitive.indices {
+            Some(indices) => {
+                let indices = self.accessors.indices(indices)?;
+                self.triangles(primitive.mode, indices.len(), |i| indices[i])?
+            }
+            None => self.triangles(primitive.mode, positions.len(), |i| i as u32)?,
+        };
+        let vertices = positions.len();
+        let mesh = treelet::Mesh::new(positions, triangles);
+        let normals = match primitive.attributes.normal {
+            Some(normal) => Some(self.normals(normal, vertices, &mesh, &place)?),
+            None => None,
+        };
+        // The list of materials ends with the one that primitives have by default.
+        let default = self.root.materials.len();
+        let material = primitive.material.unwrap_or(default);
+        if material >= model.materials.len() {
+            let found = format!("names material {material} of {default}");
+            return Err(source.broken(place, found, super::INVALID));
+        }
+        Ok(Some(Part { mesh, normals, material }))
+    }
+
+    /// Unit normals, one a vertex.
+    fn normals(
+        &mut self,
+        accessor: usize,
+        vertices: usize,
+        mesh: &treelet::Mesh,
+        place: &Place,
+    ) -> Result<Array<[f32; 3]>> {
+        let read = self.accessors.vectors(accessor, "normals")?;
+        if read.len() != vertices {
+            let found = format!("has {} normals for {vertices} vertices", read.len());
+            return Err(self.source.broken(place.clone(), found, super::INVALID));
+        }
+        let mut normals = self.source.vec(vertices, "normals")?;
+        normals.extend_from_slice(&read);
+        self.replaced_normals += normals::repair(&mut normals, mesh);
+        Ok(normals.into())
+    }
+
+    /// Triangles of a list, strip or fan of `count` corners.
+    fn triangles(
+        &mut self,
+        mode: u32,
+        count: usize,
+        corner: impl Fn(usize) -> u32,
+    ) -> Result<Vec<[u32; 3]>> {
+        let len = if mode == mode::TRIANGLES { count / 3 } else { count.saturating_sub(2) };
+        self.ragged += usize::from(mode == mode::TRIANGLES && !count.is_multiple_of(3));
+        let mut triangles = self.source.vec(len, "triangles")?;
+        triangles.extend((0..len).map(|i| {
+            match mode {
+                mode::TRIANGLES => [3 * i, 3 * i + 1, 3 * i + 2],
+                // Every other triangle of a strip is wound the other way round.
+                mode::TRIANGLE_STRIP => [i, i + 1 + i % 2, i + 2 - i % 2],
+                _ => [i + 1, i + 2, 0],
+            }
+            .map(&corner)
+        }));
+        Ok(triangles)
+    }
+}
+
+fn primitive_place(mesh: usize, json: &Mesh, index: usize) -> Place {
+    match super::item("mesh", mesh, &json.name) {
+        Place::Element(name) => Place::Element(format!("{name}, primitive {index}")),
+        other => other,
+    }
+}

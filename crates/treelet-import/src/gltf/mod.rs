@@ -1,0 +1,76 @@
+//! glTF 2.0 and GLB.
+//!
+//! After the Khronos Group's "glTF 2.0 Specification", version 2.0.1. Read are the node graph, meshes
+//! of triangles, strips and fans, normals, perspective cameras, and the factors of materials;
+//! textures, animations, skins, morph targets and lights are named in warnings. Every node with a
+//! mesh becomes a placement; a mesh becomes an object when the first node places it.
+//!
+//! The reader takes the few JSON structures that it needs with `serde`, rather than a glTF library:
+//! the kept one sees little upkeep, refuses some files that others open, and has no place for the
+//! compression extensions that are to come. They belong into `accessor.rs`, which alone knows
+//! how numbers lie in buffers.
+
+mod accessor;
+mod buffers;
+mod container;
+mod json;
+mod material;
+mod meshes;
+mod nodes;
+
+use treelet_model::Model;
+
+use crate::catalogue::{Importer, Info};
+use crate::error::{Place, Result, quote};
+use crate::source::Source;
+
+use buffers::Buffers;
+use json::Root;
+
+/// The format, as the catalogue names it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Gltf;
+
+impl Importer for Gltf {
+    fn info(&self) -> Info {
+        Info {
+            name: "gltf",
+            extensions: &["glb", "gltf"],
+            summary: "glTF 2.0 and GLB: nodes, triangles, normals, cameras, material factors",
+        }
+    }
+
+    fn sniff(&self, bytes: &[u8]) -> bool {
+        container::is_glb(bytes) || container::is_json(bytes)
+    }
+
+    fn read(&self, source: &Source<'_>) -> Result<Model> {
+        let parts = container::open(source)?;
+        let root: Root = json::parse(source, &parts)?;
+        let mut warnings = json::check_extensions(source, &root)?;
+        json::collect_warnings(&root, &mut warnings);
+        let buffers = Buffers::open(source, &root, parts.binary)?;
+        let walk = nodes::walk(source, &root, &mut warnings)?;
+
+        // Read each mesh once, when the first node places it.
+        let mut model = Model { cameras: walk.cameras, ..Model::default() };
+        model.materials = material::read_all(&root, &mut warnings);
+        let mut meshes = meshes::Meshes::new(source, &root, &buffers);
+        for (mesh, world_from_object) in walk.placed {
+            let object = meshes.object(mesh, &mut model)?;
+            model.placements.push(treelet_model::Placement { object, world_from_object });
+        }
+        warnings.extend(meshes.warnings());
+        model.warnings = warnings;
+        Ok(model)
+    }
+}
+
+/// The place of an item of one of the lists, with its name if it has one.
+fn item(list: &str, index: usize, name: &str) -> Place {
+    let name = if name.is_empty() { String::new() } else { format!(" {}", quote(name.as_bytes())) };
+    Place::Element(format!("{list} {index}{name}"))
+}
+
+/// What to do about a reference to nothing and the like.
+const INVALID: &str = "check the file with a glTF validator, or export it again";

@@ -1,0 +1,215 @@
+//! The node graph, walked without recursion, every world transform composed in f64.
+
+use treelet::math::Affine;
+use treelet_model::Camera;
+
+use crate::error::{Place, Result};
+use crate::source::Source;
+
+use super::json::{Node, Root};
+
+/// What stands where.
+#[derive(Debug, Default)]
+pub(super) struct Walk {
+    /// Meshes, in the order of a depth-first walk.
+    pub(super) placed: Vec<(usize, Affine)>,
+    pub(super) cameras: Vec<Camera>,
+}
+
+/// Rows of `[m0, m1, m2, b]`, as in [`Affine`].
+type Rows = [[f64; 4]; 3];
+
+const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+
+/// Walks the scene that the file shows.
+pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>) -> Result<Walk> {
+    let roots = roots(source, root)?;
+    let nodes = &root.nodes;
+    let mut parents: Vec<Option<Parent>> =
+        source.whole(source.budget.filled(None, nodes.len(), "nodes"))?;
+    let mut walk = Walk::default();
+    let mut stack: Vec<(usize, Parent, Rows)> =
+        roots.iter().rev().map(|&node| (node, Parent::Scene, IDENTITY)).collect();
+    let mut flat_cameras = false;
+    while let Some((index, parent, world_from_parent)) = stack.pop() {
+        // Each node has one parent, or the graph is no tree.
+        let Some(node) = nodes.get(index) else {
+            let found = format!("names node {index} of {}", nodes.len());
+            return Err(source.broken(parent.place(nodes), found, super::INVALID));
+        };
+        if let Some(first) = parents[index].replace(parent) {
+            parents[index] = Some(first);
+            let (first, second) = (first.name(), parent.name());
+            let found = if is_below(&parents, parent, index) {
+                format!("is its own ancestor, as a child of {second}; nodes must form trees")
+            } else {
+                format!("has two parents, {first} and {second}; nodes must form trees")
+            };
+            return Err(source.broken(place(nodes, index), found, super::INVALID));
+        }
+        let Some(local) = local_transform(node) else {
+            let found = "has a matrix whose last row is not 0 0 0 1";
+            return Err(source.broken(place(nodes, index), found, super::INVALID));
+        };
+        let world = compose(&world_from_parent, &local);
+        if let Some(mesh) = node.mesh {
+            if mesh >= root.meshes.len() {
+                let found = format!("names mesh {mesh} of {}", root.meshes.len());
+                return Err(source.broken(place(nodes, index), found, super::INVALID));
+            }
+            let rounded = Affine(world.map(|row| row.map(|entry| entry as f32)));
+            source.push(&mut walk.placed, (mesh, rounded), "placements")?;
+        }
+        if let Some(camera) = node.camera {
+            let camera = root.cameras.get(camera);
+            match camera.and_then(|camera| perspective(camera, node, &world)) {
+                Some(camera) => walk.cameras.push(camera),
+                None => flat_cameras = true,
+            }
+        }
+        for &child in node.children.iter().rev() {
+            source.push(&mut stack, (child, Parent::Node(index), world), "nodes")?;
+        }
+    }
+    if flat_cameras {
+        warnings.push("Cameras that are not perspective are not read.".to_owned());
+    }
+    Ok(walk)
+}
+
+/// What names a node.
+#[derive(Clone, Copy, Debug)]
+enum Parent {
+    Scene,
+    Node(usize),
+}
+
+impl Parent {
+    fn name(self) -> String {
+        match self {
+            Self::Scene => "the scene".to_owned(),
+            Self::Node(index) => format!("node {index}"),
+        }
+    }
+
+    fn place(self, nodes: &[Node]) -> Place {
+        match self {
+            Self::Scene => Place::Element("scene".to_owned()),
+            Self::Node(index) => place(nodes, index),
+        }
+    }
+}
+
+/// Whether `node` is `ancestor` or stands below it.
+fn is_below(parents: &[Option<Parent>], node: Parent, ancestor: usize) -> bool {
+    let mut at = node;
+    // The chain of parents has no cycle: each node was entered once, after its parent.
+    while let Parent::Node(index) = at {
+        if index == ancestor {
+            return true;
+        }
+        match parents.get(index) {
+            Some(Some(parent)) => at = *parent,
+            _ => return false,
+        }
+    }
+    false
+}
+
+fn place(nodes: &[Node], index: usize) -> Place {
+    super::item("node", index, nodes.get(index).map_or("", |node| &node.name))
+}
+
+/// The roots of the default scene, else of the first, else all nodes without a parent.
+fn roots(source: &Source<'_>, root: &Root) -> Result<Vec<usize>> {
+    if let Some(scene) = root.scenes.get(root.scene.unwrap_or(0)) {
+        return Ok(scene.nodes.clone());
+    }
+    if let Some(scene) = root.scene {
+        let found = format!("names scene {scene} of {}", root.scenes.len());
+        return Err(source.broken(Place::Element("scene".to_owned()), found, super::INVALID));
+    }
+    let mut has_parent = vec![false; root.nodes.len()];
+    for child in root.nodes.iter().flat_map(|node| &node.children) {
+        if let Some(has_parent) = has_parent.get_mut(*child) {
+            *has_parent = true;
+        }
+    }
+    let roots: Vec<usize> = (0..root.nodes.len()).filter(|&node| !has_parent[node]).collect();
+    if roots.is_empty() && !root.nodes.is_empty() {
+        let found = "every node has a parent, so the nodes form a cycle";
+        return Err(source.broken(place(&root.nodes, 0), found, super::INVALID));
+    }
+    Ok(roots)
+}
+
+/// The transform of a node against its parent; `None` for a projective matrix.
+fn local_transform(node: &Node) -> Option<Rows> {
+    if let Some(matrix) = &node.matrix {
+        // Column after column.
+        let at = |row: usize, column: usize| matrix[4 * column + row];
+        let affine = [at(3, 0), at(3, 1), at(3, 2), at(3, 3)] == [0.0, 0.0, 0.0, 1.0];
+        return affine.then(|| [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| at(row, column))));
+    }
+    let t = node.translation.as_deref().copied().unwrap_or([0.0; 3]);
+    let r = node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let s = node.scale.as_deref().copied().unwrap_or([1.0; 3]);
+    let rotation = rotation(r);
+    Some([0, 1, 2].map(|row| {
+        let [a, b, c] = rotation[row];
+        [a * s[0], b * s[1], c * s[2], t[row]]
+    }))
+}
+
+/// The matrix of a quaternion x, y, z, w of any length; that of length zero turns nothing.
+fn rotation([x, y, z, w]: [f64; 4]) -> [[f64; 3]; 3] {
+    let square = x * x + y * y + z * z + w * w;
+    let two = if square > 0.0 { 2.0 / square } else { 0.0 };
+    let (xx, yy, zz) = (two * x * x, two * y * y, two * z * z);
+    let (xy, xz, yz) = (two * x * y, two * x * z, two * y * z);
+    let (wx, wy, wz) = (two * w * x, two * w * y, two * w * z);
+    [
+        [1.0 - yy - zz, xy - wz, xz + wy],
+        [xy + wz, 1.0 - xx - zz, yz - wx],
+        [xz - wy, yz + wx, 1.0 - xx - yy],
+    ]
+}
+
+/// The map that first applies `inner`, then `outer`.
+fn compose(outer: &Rows, inner: &Rows) -> Rows {
+    outer.map(|[a, b, c, d]| {
+        [0, 1, 2, 3].map(|column| {
+            let offset = if column == 3 { d } else { 0.0 };
+            a * inner[0][column] + b * inner[1][column] + c * inner[2][column] + offset
+        })
+    })
+}
+
+/// A camera at a node, rid of the node's scale; `None` if it is not perspective or has no frame.
+fn perspective(camera: &super::json::Camera, node: &Node, world: &Rows) -> Option<Camera> {
+    let yfov = camera.perspective.as_ref()?.yfov;
+    if !(yfov > 0.0 && yfov < std::f64::consts::PI) {
+        return None;
+    }
+    let column = |k: usize| [world[0][k], world[1][k], world[2][k]];
+    let back = unit(column(2))?;
+    let right = unit(cross(column(1), back))?;
+    let up = cross(back, right);
+    let row = |k: usize| [right[k], up[k], back[k], world[k][3]].map(|entry| entry as f32);
+    let world_from_camera = Affine([row(0), row(1), row(2)]);
+    let name = if node.name.is_empty() { &camera.name } else { &node.name };
+    world_from_camera.is_finite().then(|| Camera {
+        name: name.clone(),
+        world_from_camera,
+        vertical_fov: yfov as f32,
+    })
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
+    let length = libm::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+    (length > 0.0 && length.is_finite()).then(|| a.map(|x| x / length))
+}

@@ -1,0 +1,34 @@
+//! What the caller allows an import to do.
+
+use treelet::context::Cancel;
+
+/// How to read a scene.
+#[derive(Clone, Debug, Default)]
+pub struct Options {
+    /// How much a file may cost.
+    pub limits: Limits,
+    /// Whether a scene may name files outside its own folder. Addresses on a network are never
+    /// opened.
+    pub allow_outside: bool,
+    /// Looked at every few milliseconds; once raised, the import ends with
+    /// [`crate::Fault::Cancelled`].
+    pub cancel: Cancel,
+}
+
+/// How much one file, with all that it names, may cost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Limits {
+    /// Bytes read, unpacked and made into arrays, together; granted in steps of up to 512 KiB.
+    pub max_bytes: u64,
+    /// How many times its packed size a compressed file may unpack to. It does not bind below
+    /// 64 MiB, where no bomb hurts.
+    pub max_ratio: u64,
+}
+
+impl Default for Limits {
+    /// 8 GiB, and a ratio of 256. Meshes pack to a half or a tenth; the most regular height grid
+    /// tried packed to a seventh.
+    fn default() -> Self {
+        Self { max_bytes: 8 << 30, max_ratio: 256 }
+    }
+}

@@ -1,0 +1,177 @@
+//! Files that scenes name: found, found packed, refused.
+
+mod common;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{SQUARE, le, soup, square_json};
+use treelet_import::{Options, load};
+use treelet_model::Model;
+
+/// A folder of its own for each test, with an inner one for the scene.
+fn folder(test: &str) -> PathBuf {
+    let folder =
+        Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("{test}-{}", std::process::id()));
+    fs::create_dir_all(folder.join("scene")).expect("the folder can be made");
+    folder
+}
+
+fn put(path: &Path, bytes: impl AsRef<[u8]>) {
+    fs::write(path, bytes).expect("the file can be written");
+}
+
+fn buffer() -> Vec<u8> {
+    let mut binary = le(SQUARE.as_flattened());
+    binary.extend([0_u16, 1, 2, 0, 2, 3].iter().flat_map(|index| index.to_le_bytes()));
+    binary
+}
+
+fn gltf(uri: &str) -> String {
+    square_json(r#"{"mesh":0}"#, &format!(r#""uri":"{uri}","#), "")
+}
+
+/// Reads `scene/a.gltf`, after writing it with a buffer of this address.
+fn load_gltf(folder: &Path, uri: &str, allow_outside: bool) -> Result<Model, String> {
+    let path = folder.join("scene/a.gltf");
+    put(&path, gltf(uri));
+    let options = Options { allow_outside, ..Options::default() };
+    load(&path, &options).map_err(|error| error.to_string())
+}
+
+#[track_caller]
+fn assert_refused(result: Result<Model, String>, want: &str) {
+    let error = result.expect_err("it is to be refused");
+    assert!(error.contains(want), "{error}\nshould contain: {want}");
+}
+
+#[test]
+fn buffers_beside_the_scene() {
+    let folder = folder("beside");
+    let scene = folder.join("scene");
+    fs::create_dir_all(scene.join("sub")).expect("the folder can be made");
+    put(&scene.join("b 1.bin"), buffer());
+    put(&scene.join("sub/b.bin"), buffer());
+    let zstd = ruzstd::encoding::CompressionLevel::Fastest;
+    put(&scene.join("c.bin.zst"), ruzstd::encoding::compress_to_vec(&buffer()[..], zstd));
+    let uris = ["b 1.bin", "b%201.bin", "./sub/b.bin", r"sub\\b.bin", "sub/../b%201.bin", "c.bin"];
+    for uri in uris {
+        let model = load_gltf(&folder, uri, false).unwrap_or_else(|error| panic!("{uri}: {error}"));
+        assert_eq!(soup(&model).len(), 2, "{uri}");
+    }
+    assert_refused(
+        load_gltf(&folder, "no.bin", false),
+        "buffer 0: names the file \"no.bin\", which is not there",
+    );
+    assert_refused(load_gltf(&folder, "sub", false), "sub: is no plain file");
+    put(&scene.join("short.bin"), &buffer()[..59]);
+    assert_refused(
+        load_gltf(&folder, "short.bin", false),
+        "buffer 0: should have 60 bytes and has 59",
+    );
+}
+
+#[test]
+fn paths_that_leave_the_folder() {
+    let folder = folder("leave");
+    put(&folder.join("b.bin"), buffer());
+    let absolute = folder.join("b.bin").display().to_string();
+    for uri in ["../b.bin", "x/../../b.bin", "%2e%2e/b.bin", r"..\\b.bin", &absolute] {
+        assert_refused(load_gltf(&folder, uri, false), "which is not below the scene's folder");
+    }
+    for uri in ["../b.bin", "%2e%2e/b.bin", &absolute] {
+        assert!(load_gltf(&folder, uri, true).is_ok(), "{uri}");
+    }
+    // Whether a file outside is there must not be told, either.
+    assert_refused(load_gltf(&folder, "../missing.bin", false), "not below the scene's folder");
+    for uri in ["https://host/b.bin", "file:///b.bin", "HTTP://host"] {
+        for allow_outside in [false, true] {
+            assert_refused(load_gltf(&folder, uri, allow_outside), "treelet never opens one");
+        }
+    }
+    assert_refused(load_gltf(&folder, "c:/b.bin", false), "not below the scene's folder");
+}
+
+#[cfg(unix)]
+#[test]
+fn links_that_leave_the_folder() {
+    let folder = folder("links");
+    put(&folder.join("b.bin"), buffer());
+    put(&folder.join("scene/inside.bin"), buffer());
+    for (to, link) in [("../b.bin", "out.bin"), ("..", "up"), ("inside.bin", "in.bin")] {
+        let link = folder.join("scene").join(link);
+        let _ = fs::remove_file(&link);
+        std::os::unix::fs::symlink(to, link).expect("the link can be made");
+    }
+    assert!(load_gltf(&folder, "in.bin", false).is_ok());
+    for uri in ["out.bin", "up/b.bin"] {
+        assert_refused(load_gltf(&folder, uri, false), "not below the scene's folder");
+        assert!(load_gltf(&folder, uri, true).is_ok(), "{uri}");
+    }
+}
+
+#[test]
+fn memory_has_no_folder() {
+    let error = common::read("a.gltf", gltf("b.bin")).expect_err("there is no file");
+    assert!(
+        error.to_string().contains("needs the file \"b.bin\", but was read from memory"),
+        "{error}"
+    );
+}
+
+#[test]
+fn material_libraries() {
+    let folder = folder("mtl");
+    let scene = folder.join("scene");
+    let obj = scene.join("a.obj");
+    let mtl = "\
+        newmtl plain\nKd 0.1 0.2 0.3\nmap_Kd x.png\n\
+        newmtl shiny\nKd 0.5\nKs 1 1 1\nNs 30\n\
+        newmtl glass\nKd 0 0 0\nillum 7\nNi 1.4\n\
+        newmtl smoke\nKd 0.2 0.2 0.2\nd 0.25\n\
+        newmtl haze\nTr 0.25\n\
+        newmtl lamp\nKe 3 2 1\n\
+        newmtl chrome\nKd 0 0 0\nKs 0.9 0.8 0.7\nillum 3\n\
+        newmtl pbr\nPr 0.5\nPm 1\n";
+    put(&scene.join("b 1.mtl"), mtl);
+    let names = ["plain", "shiny", "glass", "smoke", "haze", "lamp", "chrome", "pbr"];
+    let faces: String = names.map(|name| format!("usemtl {name}\nf 1 2 3\n")).concat();
+    put(&obj, format!("mtllib b 1.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\n{faces}"));
+    let model = load(&obj, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(model.warnings, ["Textures are not read; materials have their factors alone."]);
+    let [plain, shiny, glass, smoke, haze, lamp, chrome, pbr] = &model.materials[..] else {
+        panic!("eight materials, not {}", model.materials.len())
+    };
+    assert_eq!((plain.base_color, plain.roughness), ([0.1, 0.2, 0.3], 1.0));
+    assert_eq!((shiny.base_color, shiny.roughness, shiny.metallic), ([0.5; 3], 0.5, 0.0));
+    assert_eq!((glass.base_color, glass.transmission, glass.ior), ([1.0; 3], 1.0, 1.4));
+    assert_eq!((glass.roughness, smoke.transmission, haze.transmission), (0.0, 0.75, 0.25));
+    assert_eq!(lamp.emission, [3.0, 2.0, 1.0]);
+    assert_eq!((chrome.base_color, chrome.metallic), ([0.9, 0.8, 0.7], 1.0));
+    assert_eq!((pbr.roughness, pbr.metallic), (0.5, 1.0));
+
+    // A library that is out of bounds or not there leaves the mesh; a broken one is an error.
+    put(&folder.join("out.mtl"), mtl);
+    put(&obj, format!("mtllib ../out.mtl\nmtllib no.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\n{faces}"));
+    let model = load(&obj, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    let warning =
+        "Materials are missing: line 1: names the file \"../out.mtl\", which is not below";
+    assert!(model.warnings[0].starts_with(warning), "{:?}", model.warnings);
+    assert!(model.warnings[1].contains("no.mtl"), "{:?}", model.warnings);
+    put(&scene.join("bad.mtl"), "newmtl a\n\nKd 0 x 0\n");
+    put(&obj, "mtllib bad.mtl\nv 0 0 0\n");
+    let error = load(&obj, &Options::default()).expect_err("the library is broken").to_string();
+    assert!(
+        error.contains("bad.mtl: line 3: the number of \"Kd\" is \"x\", not a number"),
+        "{error}"
+    );
+}
+
+#[test]
+fn a_folder_or_nothing_is_no_scene() {
+    let folder = folder("nothing");
+    for path in [folder.clone(), folder.join("no.ply")] {
+        let error = load(&path, &Options::default()).expect_err("there is no file").to_string();
+        assert!(error.contains("cannot be read ("), "{error}");
+    }
+}
