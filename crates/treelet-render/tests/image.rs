@@ -23,8 +23,8 @@ const SPP: u32 = 256;
 const SPP_REFERENCE: u32 = 4096;
 
 /// Differences (CIE 1976) that nobody minds: 2.3 is said to be just noticeable side by side.
-const MEAN_MAX: f32 = 1.2;
-const PERCENTILE_99_MAX: f32 = 5.0;
+const MEAN_MAX: f32 = 0.9;
+const PERCENTILE_99_MAX: f32 = 4.5;
 
 #[test]
 fn box_looks_like_its_reference() {
