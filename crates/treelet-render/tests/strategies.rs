@@ -77,9 +77,9 @@ fn estimate(model: &Model, strategy: Strategy, passes: u32) -> [(f64, f64); 3] {
 #[test]
 fn agree_on_the_picture() {
     let model = scene();
-    let both = estimate(&model, Strategy::Both, 96);
+    let both = estimate(&model, Strategy::Both, 128);
     for strategy in [Strategy::Lights, Strategy::Lobes] {
-        let other = estimate(&model, strategy, 192);
+        let other = estimate(&model, strategy, 512);
         for c in 0..3 {
             let ((a, error_a), (b, error_b)) = (both[c], other[c]);
             let bar = 5.0 * (error_a * error_a + error_b * error_b).sqrt();
