@@ -37,6 +37,9 @@ const BROAD_PDF: f32 = 4.0;
 /// The least width of a mirror lobe that a regularised path meets.
 pub(crate) const BROAD_ALPHA: f32 = 0.3;
 
+/// `2^90`: sums of such samples stay finite for as many passes as can be counted.
+const RADIANCE_MAX: f32 = 1.237_940_039_285_380_3e27;
+
 /// What all paths share.
 #[derive(Clone, Debug)]
 pub(crate) struct World<'a> {
@@ -81,7 +84,7 @@ pub(crate) struct Seen {
 }
 
 impl World<'_> {
-    /// Follows one path. A sample whose radiance is not finite counts as black.
+    /// Follows one path. A sample whose radiance overflows counts as black.
     pub(crate) fn trace(&self, ray: Ray, sampler: &Sampler, settings: &Settings) -> Seen {
         let mut path = Path {
             ray,
@@ -129,7 +132,8 @@ impl World<'_> {
             }
         }
         let finite = vec3::is_finite(path.radiance);
-        Seen { radiance: if finite { path.radiance } else { [0.0; 3] }, rays }
+        let radiance = if finite { path.radiance.map(|c| c.min(RADIANCE_MAX)) } else { [0.0; 3] };
+        Seen { radiance, rays }
     }
 
     /// The surface under a hit of a ray along `direction`.

@@ -41,9 +41,9 @@ fn scene() -> Model {
     model.placements[3].world_from_object = ball(0.8);
     model.placements[4].world_from_object = Affine::translation([0.0, 2.5, 0.0]);
     let mut second = model.placements[4].clone();
-    second.world_from_object = Affine::translation([-2.5, 1.0, 0.0])
+    second.world_from_object = Affine::translation([-3.0, 1.2, 0.0])
         .then_from(&Affine::rotation([0.0, 0.0, 1.0], 1.2))
-        .then_from(&Affine::scaling([-1.5, 1.0, 0.5]));
+        .then_from(&Affine::scaling([-1.5, 1.0, 2.5]));
     model.placements.push(second);
     let sun = Sun { direction: [0.6, 0.8, 0.0], angular_radius: 0.35, radiance: [6.0, 5.0, 4.0] };
     model.sky = Some(Sky { sun: Some(sun), ..Sky::clear(1) });
