@@ -32,7 +32,7 @@ pub(super) trait Rows<'a>: Clone {
     /// The fewest bytes that `count` values may take.
     fn smallest_values(count: u64, kind: Type) -> u64;
 
-    /// Where the next value stands.
+    /// Where the next value stands. Costs a look at all that was read, so for errors only.
     fn place(&self) -> Place;
 
     /// The file.
@@ -55,13 +55,14 @@ pub(super) trait Rows<'a>: Clone {
 
     /// The next value as a list length, compared with the bytes that are left.
     fn list_len(&mut self, count: Type, item: Type) -> Result<usize> {
-        let place = self.place();
+        // Only an error needs to know the place: in a text it takes counting all lines before.
+        let start = self.clone();
         let len = self.value(count)?;
         if len >= 0.0 && Self::smallest_values(len as u64, item) <= self.rest() + Self::LACKING {
             return Ok(len as usize);
         }
         let found = format!("a list of {len} values, with {} bytes left", self.rest());
-        Err(self.source().broken(place, found, DAMAGED))
+        Err(self.source().broken(start.place(), found, DAMAGED))
     }
 
     /// Steps over a value or list.
