@@ -1,7 +1,8 @@
 //! `cargo xtask test`: every check that a change must pass, stopping at the first that fails.
 //!
 //! All steps use the release profile: rays are a hundred times cheaper there, and procedural
-//! macros, dependencies and their metadata are then built once for all steps.
+//! macros, dependencies and their metadata are then built once for all steps. Optimisation across
+//! crates (`lto`) is off, though: done anew for every test program, it is most of the time.
 
 use std::path::Path;
 

@@ -116,7 +116,7 @@ mod tests {
 
     #[test]
     fn what_is_not_named_is_refused() {
-        let what = "6: `src/elsewhere` exists but is not on the map";
+        let what = "5: `src/elsewhere` exists but is not on the map";
         assert_eq!(problems(PAGE, &["src/elsewhere"], &REAL, &[]), [what]);
     }
 
