@@ -5,17 +5,30 @@ use std::cell::Cell;
 use treelet::memory::OutOfMemory;
 
 use crate::error::Fault;
+use crate::options::{HARMLESS_BYTES, Limits};
 
-/// What is left of [`crate::Limits::max_bytes`]. Spent bytes do not come back: the limit bounds
-/// the work of an import as well as its memory.
+/// What is left of [`Limits`]. Spent bytes do not come back: the limit bounds the work of an import
+/// as well as its memory.
+///
+/// Besides the absolute limit, every byte of a file earns the right to a few hundred bytes of
+/// arrays, so that a small file that names the same bytes over and over stays small.
 #[derive(Debug)]
 pub(crate) struct Budget {
     left: Cell<u64>,
+    earned: Cell<u64>,
+    ratio: u64,
 }
 
 impl Budget {
-    pub(crate) fn new(bytes: u64) -> Self {
-        Self { left: Cell::new(bytes) }
+    pub(crate) fn new(limits: &Limits) -> Self {
+        let earned = Cell::new(HARMLESS_BYTES);
+        Self { left: Cell::new(limits.max_bytes), earned, ratio: limits.max_ratio }
+    }
+
+    /// Bytes of a file, unpacked, that are about to be there.
+    pub(crate) fn earn(&self, bytes: u64) {
+        let earned = bytes.saturating_mul(self.ratio.saturating_add(1));
+        self.earned.set(self.earned.get().saturating_add(earned));
     }
 
     /// Bytes that may still be spent.
@@ -26,10 +39,14 @@ impl Budget {
     /// Takes `bytes` off, or says what they were wanted for.
     pub(crate) fn spend(&self, bytes: u64, what: &'static str) -> Result<(), Fault> {
         let limit = self.left.get();
-        match limit.checked_sub(bytes) {
-            Some(left) => self.left.set(left),
-            None => return Err(Fault::TooBig { what, needed: bytes, limit }),
-        }
+        let Some(left) = limit.checked_sub(bytes) else {
+            return Err(Fault::TooBig { what, needed: bytes, limit });
+        };
+        let Some(earned) = self.earned.get().checked_sub(bytes) else {
+            return Err(Fault::Repeats { what, ratio: self.ratio });
+        };
+        self.left.set(left);
+        self.earned.set(earned);
         Ok(())
     }
 

@@ -122,6 +122,17 @@ pub enum Fault {
         /// The limit that was passed.
         ratio: u64,
     },
+    /// The file makes suspiciously much out of few bytes.
+    #[error(
+        "{what} and all before would take more than {ratio} times the file's bytes, which a file \
+         that names the same bytes over and over does; raise `Limits::max_ratio` if you trust it"
+    )]
+    Repeats {
+        /// What the bytes are for.
+        what: &'static str,
+        /// The limit that was passed.
+        ratio: u64,
+    },
     /// The machine has no room.
     #[error(transparent)]
     OutOfMemory(#[from] OutOfMemory),

@@ -48,7 +48,7 @@ use treelet_model::Model;
 /// If a file cannot be read, is damaged or hostile, exceeds the limits, or uses what treelet does
 /// not know.
 pub fn load(path: &Path, options: &Options) -> Result<Model> {
-    let budget = Budget::new(options.limits.max_bytes);
+    let budget = Budget::new(&options.limits);
     let bytes = source::read(path, &budget, options).map_err(|fault| ImportError {
         file: path.to_path_buf(),
         place: Place::File,
@@ -70,9 +70,10 @@ pub fn load(path: &Path, options: &Options) -> Result<Model> {
 ///
 /// As [`load`]; besides, a scene that cannot do without a second file is an error.
 pub fn load_bytes(name: &str, bytes: &[u8], options: &Options) -> Result<Model> {
-    let budget = Budget::new(options.limits.max_bytes);
+    let budget = Budget::new(&options.limits);
     let file = Path::new(name);
     let fail = |fault| ImportError { file: file.to_path_buf(), place: Place::File, fault };
+    budget.earn(bytes.len() as u64);
     let unpacked = unpack::unpack(bytes.into(), &budget, options).map_err(fail)?;
     let source = Source { file, bytes: &unpacked, folder: None, options, budget: &budget };
     read(&source)

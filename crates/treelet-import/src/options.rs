@@ -20,8 +20,9 @@ pub struct Options {
 pub struct Limits {
     /// Bytes read, unpacked and made into arrays, together; granted in steps of up to 512 KiB.
     pub max_bytes: u64,
-    /// How many times its packed size a compressed file may unpack to. It does not bind below
-    /// 64 MiB, where no bomb hurts.
+    /// How many times its packed size a compressed file may unpack to, and how many times its
+    /// unpacked size the arrays made of it may take. It does not bind below 64 MiB, where no bomb
+    /// hurts.
     pub max_ratio: u64,
 }
 
@@ -32,3 +33,6 @@ impl Default for Limits {
         Self { max_bytes: 8 << 30, max_ratio: 256 }
     }
 }
+
+/// Up to here nobody minds a ratio.
+pub(crate) const HARMLESS_BYTES: u64 = 64 << 20;

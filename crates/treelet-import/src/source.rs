@@ -174,6 +174,7 @@ pub(crate) fn read(
         return Err(Fault::TooBig { what: "the file", needed: size, limit: budget.left() });
     }
     let room = usize::try_from(size).unwrap_or(usize::MAX).saturating_add(1 << 19);
+    budget.earn(room as u64);
     let mut bytes = budget.vec(room, "the file")?;
     unpack::read_all(&mut file, &mut bytes, budget, options, |_| Ok(()))?;
     unpack::unpack(bytes.into(), budget, options).map(Cow::into_owned)

@@ -12,10 +12,7 @@ use ruzstd::decoding::errors::{FrameDecoderError, ReadFrameHeaderError};
 
 use crate::budget::Budget;
 use crate::error::{DAMAGED, Fault};
-use crate::options::Options;
-
-/// Up to here the ratio of a compressed file is nobody's concern.
-const HARMLESS_BYTES: u64 = 64 << 20;
+use crate::options::{HARMLESS_BYTES, Options};
 
 /// Bytes asked of a decoder at a time.
 const CHUNK: usize = 1 << 18;
@@ -146,7 +143,9 @@ pub(crate) fn read_all(
         // Make room: twice the size each time, so that bytes are moved about once.
         if out.capacity() - out.len() < CHUNK {
             let extra = out.len().max(CHUNK).min(usize::try_from(budget.left()).unwrap_or(CHUNK));
-            budget.reserve(out, extra.max(CHUNK), "the unpacked file")?;
+            let extra = extra.max(CHUNK);
+            budget.earn(extra as u64);
+            budget.reserve(out, extra, "the unpacked file")?;
         }
         let read = from.take(CHUNK as u64).read_to_end(out)?;
         if read == 0 {

@@ -42,8 +42,8 @@ fn ply_files() {
         ),
         (ply(XYZ, FACE, "0 0\n3 0 0 0\n"), "line 10: a value of the row is missing"),
         (ply(XYZ, FACE, "0 0 x\n3 0 0 0\n"), "line 10: a value of the row is \"x\", not a number"),
-        (ply(XYZ, FACE, "0 0 0\n3 0 0\n"), "line 11: a list of 3 values, with 5 bytes left"),
-        (ply(XYZ, FACE, "0 0 0\n"), "line 7: 1 rows of \"face\" need at least 1 bytes, 0 are left"),
+        (ply(XYZ, FACE, "0 0 0\n3 0 0\n"), "line 11: a value of the row is missing"),
+        (ply(XYZ, FACE, "0 0 0\n"), "line 7: 1 rows of \"face\" need at least 2 bytes, 0 are left"),
         (ply(XYZ, FACE, "0 0 0\n4 0 0 0 9\n"), "face 0: names vertex 9 of 1"),
         (
             ply("element vertex 1\nproperty float x\nproperty float y", FACE, none),
@@ -239,6 +239,49 @@ fn polygons_that_are_slow_to_split_are_bounded_in_memory() {
     let faces: String = (1..=200_000).map(|i| format!("f 1//{i} 2//{i} 3//{i}\n")).collect();
     let model = read("a.obj", format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{normals}{faces}"));
     assert_eq!(model.map(|model| model.triangles_placed()).ok(), Some(200_000));
+}
+
+#[test]
+fn long_texts_take_linear_time() {
+    // What is quadratic in their lines takes minutes.
+    const ROWS: usize = 400_000;
+    let start = std::time::Instant::now();
+    let vertex = XYZ.replace("vertex 1", "vertex 3");
+    let face = FACE.replace("face 1", &format!("face {ROWS}"));
+    let body = format!("0 0 0\n1 0 0\n0 1 0\n{}", "3 0 1 2\n".repeat(ROWS));
+    let facet = common::LOWER_STL.lines().skip(1).take(7).collect::<Vec<_>>().join("\n") + "\n";
+    let texts = [
+        ("a.ply", ply(&vertex, &face, &body)),
+        ("a.obj", format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{}", "f 1 2 3 \\\n\n".repeat(ROWS))),
+        ("a.stl", format!("solid\n{}endsolid\n", facet.repeat(ROWS))),
+    ];
+    for (name, text) in texts {
+        let model = read(name, text).unwrap_or_else(|error| panic!("{error}"));
+        assert_eq!(model.triangles_placed(), ROWS as u64, "{name}");
+    }
+    assert!(start.elapsed().as_secs() < 30, "{:?}", start.elapsed());
+}
+
+#[test]
+fn naming_the_same_bytes_over_and_over() {
+    // 2,000 meshes over accessors of their own, all of the same 120,000 bytes: 240 MB of a file of
+    // half a megabyte.
+    let list = |item: &dyn Fn(usize) -> String| {
+        let items: Vec<String> = (0..2000).map(item).collect();
+        items.join(",")
+    };
+    let json = format!(
+        r#"{{"asset":{{"version":"2.0"}},"nodes":[{}],"meshes":[{}],"accessors":[{}],
+        "bufferViews":[{{"buffer":0,"byteLength":120000}}],"buffers":[{{"byteLength":120000}}]}}"#,
+        list(&|i| format!(r#"{{"mesh":{i}}}"#)),
+        list(&|i| format!(r#"{{"primitives":[{{"attributes":{{"POSITION":{i}}}}}]}}"#)),
+        list(&|_| r#"{"bufferView":0,"componentType":5126,"count":10000,"type":"VEC3"}"#.to_owned()),
+    );
+    let bytes = glb(&json, &vec![0; 120_000]);
+    check_error("a.glb", &bytes, "would take more than 256 times the file's bytes");
+    let limits = treelet_import::Limits { max_ratio: 1000, ..Default::default() };
+    let options = treelet_import::Options { limits, ..Default::default() };
+    assert!(treelet_import::load_bytes("a.glb", &bytes, &options).is_ok(), "as the caller wishes");
 }
 
 #[test]

@@ -119,6 +119,16 @@ fn points_alone_are_an_empty_mesh() {
 }
 
 #[test]
+fn text_may_end_without_a_line_end() {
+    let faces_first = "ply\nformat ascii 1.0\nelement face 1\nproperty list int int vertex_index\n\
+        element vertex 3\nproperty int x\nproperty int y\nproperty int z\nend_header\n\
+        3 0 1 2\n0 0 0\n1 0 0\n1 1 0";
+    check("a.ply", faces_first, &[LOWER]);
+    let empty_row = SQUARE_PLY.replace("property list uchar int vertex_index\n", "");
+    check_error("a.ply", empty_row, "the element \"face\" has no list");
+}
+
+#[test]
 fn what_follows_the_last_element_is_named() {
     let mut bytes = binary_ply(&SQUARE, &[&[0, 1, 2], &[0, 2, 3]]);
     bytes.extend([1, 2, 3]);

@@ -37,31 +37,58 @@ impl Camera {
         })
     }
 
-    /// A camera that sees all of `bounds` from a little above and to the side.
+    /// A camera that sees all of `bounds`, as large as fits, from a little above and to the side.
     ///
     /// `up` is the axis (0, 1, 2) that points up; `aspect` is width over height.
     pub fn framing(bounds: &Aabb, up: usize, aspect: f32) -> Self {
         let vertical_fov: f32 = 0.7;
-        let empty = bounds.is_empty();
-        let center = if empty { [0.0; 3] } else { bounds.center() };
-        let radius = if empty { 1.0 } else { (0.5 * bounds.diagonal()).max(1e-30) as f32 };
-        // The narrower of the two half angles decides how far away the sphere around the box fits.
-        let half = libm::atanf(libm::tanf(0.5 * vertical_fov) * aspect.min(1.0));
-        let distance = radius / libm::sinf(half);
+        let bounds = if bounds.is_empty() { Aabb { lo: [-1.0; 3], hi: [1.0; 3] } } else { *bounds };
         let mut toward = [0.0; 3];
         toward[up] = 0.45;
         toward[(up + 1) % 3] = 0.85;
         toward[(up + 2) % 3] = 0.55;
-        let toward = vec3::normalize(toward).unwrap_or([0.0, 0.0, 1.0]);
-        let from = vec3::add(center, vec3::scale(toward, distance));
-        let mut up_vector = [0.0; 3];
-        up_vector[up] = 1.0;
-        let fallback = Self {
-            name: String::new(),
-            world_from_camera: Affine::translation([0.0, 0.0, 1.0]),
-            vertical_fov,
+        let mut upright = [0.0; 3];
+        upright[up] = 1.0;
+        let origin =
+            Self { name: String::new(), world_from_camera: Affine::IDENTITY, vertical_fov };
+        let turned = Self::look_at(toward, [0.0; 3], upright, vertical_fov).unwrap_or(origin);
+
+        // In f64 about the middle of the box, in units of its size, so that nothing overflows.
+        let center = bounds.center();
+        let size = bounds.diagonal().max(1e-30);
+        let column = |axis: usize| turned.world_from_camera.0.map(|row| f64::from(row[axis]));
+        let [right, above, back] = [0, 1, 2].map(column);
+        let along = |axis: [f64; 3], corner: [f64; 3]| {
+            (0..3).map(|k| axis[k] * corner[k]).sum::<f64>() / size
         };
-        Self::look_at(from, center, up_vector, vertical_fov).unwrap_or(fallback)
+        let corners = [0, 1, 2, 3, 4, 5, 6, 7].map(|corner: usize| {
+            [0, 1, 2].map(|axis| {
+                let end = if corner >> axis & 1 == 0 { bounds.lo } else { bounds.hi };
+                f64::from(end[axis]) - f64::from(center[axis])
+            })
+        });
+
+        // Each side of the picture is a plane that all corners are behind. A pair of opposite
+        // sides says how far back the eye must be, and where across.
+        let half = libm::tan(0.5 * f64::from(vertical_fov)) * MARGIN;
+        let fit = |across: [f64; 3], slope: f64| {
+            let sides = corners.map(|corner| {
+                let (x, depth) = (along(across, corner), -along(back, corner));
+                [x - slope * depth, x + slope * depth]
+            });
+            let high = sides.iter().fold(f64::NEG_INFINITY, |most, side| most.max(side[0]));
+            let low = sides.iter().fold(f64::INFINITY, |least, side| least.min(side[1]));
+            (0.5 * (high + low), (high - low) / (2.0 * slope))
+        };
+        let (x, x_distance) = fit(right, half * f64::from(aspect));
+        let (y, y_distance) = fit(above, half);
+        let distance = x_distance.max(y_distance).max(1e-3);
+        let mut world_from_camera = turned.world_from_camera;
+        for (axis, row) in world_from_camera.0.iter_mut().enumerate() {
+            let offset = right[axis] * x + above[axis] * y + back[axis] * distance;
+            row[3] = (f64::from(center[axis]) + size * offset) as f32;
+        }
+        Self { world_from_camera, ..turned }
     }
 
     /// Where the camera stands.
@@ -70,9 +97,54 @@ impl Camera {
     }
 }
 
+/// The share of the picture that [`Camera::framing`] fills in the direction that decides.
+const MARGIN: f64 = 0.92;
+
 #[cfg(test)]
 mod tests {
     use super::Camera;
+    use treelet::bounds::Aabb;
+    use treelet::math::vec3;
+
+    #[test]
+    fn framing_shows_every_corner_and_wastes_little() {
+        let boxes = [
+            Aabb { lo: [-1.0, -2.0, -3.0], hi: [4.0, 5.0, 6.0] },
+            Aabb { lo: [148_376.0, 1234.0, -223_423.0], hi: [149_376.0, 1235.0, -223_410.0] },
+            Aabb { lo: [0.0; 3], hi: [1e-9, 2e-9, 0.0] },
+            Aabb { lo: [-4e18; 3], hi: [4e18; 3] },
+        ];
+        for bounds in boxes {
+            for (up, aspect) in [(0, 1.0), (1, 1.78), (2, 0.5)] {
+                let camera = Camera::framing(&bounds, up, aspect);
+                let rows = camera.world_from_camera.0;
+                let half = libm::tanf(0.5 * camera.vertical_fov);
+                let mut widest = 0_f32;
+                for corner in 0..8 {
+                    let corner = [0, 1, 2].map(|axis: usize| {
+                        if corner >> axis & 1 == 0 { bounds.lo[axis] } else { bounds.hi[axis] }
+                    });
+                    // Scaled down, so that products stay in f32.
+                    let view = vec3::sub(corner, camera.position());
+                    let view = vec3::scale(view, 1.0 / vec3::max_abs(view));
+                    let along = |axis: usize| vec3::dot(rows.map(|row| row[axis]), view);
+                    let depth = -along(2);
+                    assert!(depth > 0.0, "{bounds:?} up {up}: a corner is behind the eye");
+                    widest = widest.max((along(0) / (depth * half * aspect)).abs());
+                    widest = widest.max((along(1) / (depth * half)).abs());
+                }
+                assert!((0.88..0.96).contains(&widest), "{bounds:?} up {up}: {widest}");
+            }
+        }
+    }
+
+    #[test]
+    fn framing_nothing_or_a_point_gives_a_camera() {
+        let point = Aabb { lo: [5.0; 3], hi: [5.0; 3] };
+        for bounds in [Aabb::EMPTY, point] {
+            assert!(Camera::framing(&bounds, 1, 1.5).world_from_camera.is_finite());
+        }
+    }
 
     #[test]
     fn looks_where_it_is_told() {

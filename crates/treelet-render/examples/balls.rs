@@ -22,7 +22,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 }
 
 /// A floor, and a row of balls from matt to mirror with glass and a lamp among them.
-fn scene() -> Model {
+pub fn scene() -> Model {
     let plain = Material::default();
     let metal = Material { metallic: 1.0, ..plain.clone() };
     let gold = [1.0, 0.72, 0.3];

@@ -35,7 +35,10 @@ const SURVIVAL_MAX: f32 = 0.95;
 /// 0.14 is 4 per steradian), and regularisation starts.
 const BROAD_PDF: f32 = 4.0;
 /// The least width of a mirror lobe that a regularised path meets.
-pub(crate) const BROAD_ALPHA: f32 = 0.2;
+pub(crate) const BROAD_ALPHA: f32 = 0.3;
+
+/// `2^90`: sums of such samples stay finite for as many passes as can be counted.
+const RADIANCE_MAX: f32 = 1.237_940_039_285_380_3e27;
 
 /// What all paths share.
 #[derive(Clone, Debug)]
@@ -55,6 +58,8 @@ struct Path {
     radiance: [f32; 3],
     /// The density with which the ray's direction was drawn; 0 if nothing else could draw it.
     pdf: f32,
+    /// The share of emissive triangles among the light samples where the ray starts.
+    share: f32,
     /// How often it was scattered otherwise than by smooth glass.
     scattered: u32,
     /// Whether it was scattered broadly, so that regularisation applies.
@@ -79,13 +84,14 @@ pub(crate) struct Seen {
 }
 
 impl World<'_> {
-    /// Follows one path. A sample whose radiance is not finite counts as black.
+    /// Follows one path. A sample whose radiance overflows counts as black.
     pub(crate) fn trace(&self, ray: Ray, sampler: &Sampler, settings: &Settings) -> Seen {
         let mut path = Path {
             ray,
             throughput: [1.0; 3],
             radiance: [0.0; 3],
             pdf: 0.0,
+            share: 0.0,
             scattered: 0,
             broad: false,
         };
@@ -126,7 +132,8 @@ impl World<'_> {
             }
         }
         let finite = vec3::is_finite(path.radiance);
-        Seen { radiance: if finite { path.radiance } else { [0.0; 3] }, rays }
+        let radiance = if finite { path.radiance.map(|c| c.min(RADIANCE_MAX)) } else { [0.0; 3] };
+        Seen { radiance, rays }
     }
 
     /// The surface under a hit of a ray along `direction`.
@@ -138,14 +145,14 @@ impl World<'_> {
     /// Traces the path's ray, adds the emission it meets, and returns the vertex; `None` ends the
     /// path in the sky.
     fn meet(&self, path: &mut Path, settings: &Settings) -> Option<Vertex<'_>> {
-        let direction = path.ray.direction;
+        let (direction, share) = (path.ray.direction, path.share);
         let hit = self.placed.scene.closest(&path.ray);
         let surface = hit.and_then(|hit| Some((hit.t, self.surface(&hit, direction)?)));
         let Some((t, surface)) = surface else {
             // A smooth bounce after a broad one sees the widened sun.
             let wide = path.broad && path.pdf == 0.0;
             let radiance = self.lights.environment.radiance(direction, wide);
-            path.add_met(radiance, settings, || self.lights.environment_pdf(direction));
+            path.add_met(radiance, settings, || self.lights.environment_pdf(share, direction));
             return None;
         };
 
@@ -154,9 +161,10 @@ impl World<'_> {
             let cos = vec3::dot(direction, surface.geometric);
             let distance_sq = f64::from(t) * f64::from(t);
             path.add_met(emission, settings, || {
-                self.lights.emitter_pdf(emission, distance_sq, cos)
+                self.lights.emitter_pdf(share, emission, distance_sq, cos)
             });
         }
+        path.share = self.lights.emitter_share(surface.point);
         let regular = settings.regularize && path.broad;
         let bsdf = &self.bsdfs[surface.material as usize][usize::from(regular)];
         Some(Vertex::new(surface, bsdf, direction))
@@ -170,7 +178,8 @@ impl World<'_> {
         u: LightNumbers,
         settings: &Settings,
     ) -> u64 {
-        let sample = self.lights.sample(&self.surfaces, self.materials, &vertex.surface, u);
+        let (surfaces, materials) = (&self.surfaces, self.materials);
+        let sample = self.lights.sample(surfaces, materials, &vertex.surface, path.share, u);
         let Some(sample) = sample else { return 0 };
         if vec3::dot(sample.direction, vertex.facing) <= 0.0 {
             return 0;

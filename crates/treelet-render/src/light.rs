@@ -1,7 +1,7 @@
 //! Everything that shines, and how to draw a direction toward it.
 //!
-//! One sample goes to the sky (gradient and sun) or to one emissive triangle, drawn by world area
-//! times luminance. As that weight is the same per area for one material, the density of a point on
+//! One sample goes to the sky (gradient and sun) or to one emissive triangle, as their shares of the
+//! light at the point are guessed, and among the triangles by world area times luminance. As that weight is the same per area for one material, the density of a point on
 //! any light needs no table: luminance over the total. Triangles shine on both sides.
 
 use crate::alias::AliasTable;
@@ -13,13 +13,19 @@ use treelet::Ray;
 use treelet::math::vec3;
 use treelet_model::Material;
 
+/// Sky and emissive triangles each get at least this share of the samples where there are both.
+const SHARE_MIN: f32 = 0.1;
+/// The least squared spread of the light, of its squared distance from the origin: a lamp of one
+/// triangle has no spread.
+const RADIUS_MIN: f64 = 1e-6;
+
 /// All lights of a scene.
 #[derive(Clone, Debug)]
 pub(crate) struct Lights {
     pub(crate) environment: Environment,
     emitters: Option<Emitters>,
-    /// The probability of an emissive triangle rather than the sky.
-    p_emitters: f32,
+    /// What the sky brings to a surface, unoccluded.
+    sky_irradiance: f64,
 }
 
 /// The emissive triangles.
@@ -29,6 +35,9 @@ struct Emitters {
     table: AliasTable,
     /// The sum of area times luminance.
     total: f64,
+    /// The middle of the light, and its mean squared distance from there.
+    center: [f64; 3],
+    radius_sq: f64,
 }
 
 /// Light that may arrive at a point.
@@ -61,30 +70,42 @@ impl Lights {
         environment: Environment,
     ) -> Result<Self, RenderError> {
         let emitters = Emitters::new(surfaces, materials)?;
-        // The sky is of no use in a closed room, nor are small lamps by day; nobody knows which of
-        // the two it is.
-        let p_emitters = match &emitters {
-            None => 0.0,
-            Some(_) if environment.irradiance() <= 0.0 => 1.0,
-            Some(_) => 0.5,
-        };
-        Ok(Self { environment, emitters, p_emitters })
+        let sky_irradiance = environment.irradiance();
+        Ok(Self { environment, emitters, sky_irradiance })
     }
 
-    /// Draws light that may reach a surface; `None` where there is none to draw.
+    /// The probability of sampling an emissive triangle rather than the sky, at a point: about its
+    /// share of the irradiance there if all triangles face the point and nothing is in between.
+    /// Neither is left out, as in truth something always is.
+    #[inline]
+    pub(crate) fn emitter_share(&self, point: [f32; 3]) -> f32 {
+        let Some(emitters) = &self.emitters else { return 0.0 };
+        if self.sky_irradiance <= 0.0 {
+            return 1.0;
+        }
+        let apart: [f64; 3] = core::array::from_fn(|c| f64::from(point[c]) - emitters.center[c]);
+        let distance_sq = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
+        let irradiance = emitters.total / (distance_sq + emitters.radius_sq);
+        let share = irradiance / (irradiance + self.sky_irradiance);
+        (share as f32).clamp(SHARE_MIN, 1.0 - SHARE_MIN)
+    }
+
+    /// Draws light that may reach a surface; `None` where there is none to draw. `share` is
+    /// [`Lights::emitter_share`] of the point.
     pub(crate) fn sample(
         &self,
         surfaces: &Surfaces<'_>,
         materials: &[Material],
         from: &Surface,
+        share: f32,
         u: LightNumbers,
     ) -> Option<LightSample> {
-        let emitters = self.emitters.as_ref().filter(|_| u.kind < self.p_emitters);
+        let emitters = self.emitters.as_ref().filter(|_| u.kind < share);
         let Some(emitters) = emitters else {
             // What is left of `kind` chooses again.
-            let choice = (u.kind - self.p_emitters) / (1.0 - self.p_emitters);
+            let choice = (u.kind - share) / (1.0 - share);
             let direction = self.environment.sample(choice, u.place);
-            let pdf = self.environment_pdf(direction);
+            let pdf = self.environment_pdf(share, direction);
             let radiance = self.environment.radiance(direction, false);
             let shadow = Ray::new(from.leave(direction), direction);
             return (pdf > 0.0).then_some(LightSample { direction, shadow, radiance, pdf });
@@ -98,7 +119,8 @@ impl Lights {
         let radiance = materials[at.material as usize].emission;
         let apart = vec3::sub(at.point, from.point).map(f64::from);
         let distance_sq = apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2];
-        let pdf = self.emitter_pdf(radiance, distance_sq, vec3::dot(direction, at.geometric));
+        let pdf =
+            self.emitter_pdf(share, radiance, distance_sq, vec3::dot(direction, at.geometric));
 
         // The shadow ray ends short of the light by the light's own error bound.
         let origin = from.leave(direction);
@@ -109,22 +131,28 @@ impl Lights {
 
     /// The density over solid angle with which a direction to the sky is drawn.
     #[inline]
-    pub(crate) fn environment_pdf(&self, direction: [f32; 3]) -> f32 {
-        (1.0 - self.p_emitters) * self.environment.pdf(direction)
+    pub(crate) fn environment_pdf(&self, share: f32, direction: [f32; 3]) -> f32 {
+        (1.0 - share) * self.environment.pdf(direction)
     }
 
     /// The density over solid angle with which a point of an emissive triangle is drawn, by its
     /// emission, the squared distance and the cosine there. 0 for a triangle seen edge-on, which
     /// sampling gives up as well.
     #[inline]
-    pub(crate) fn emitter_pdf(&self, emission: [f32; 3], distance_sq: f64, cos: f32) -> f32 {
+    pub(crate) fn emitter_pdf(
+        &self,
+        share: f32,
+        emission: [f32; 3],
+        distance_sq: f64,
+        cos: f32,
+    ) -> f32 {
         let Some(emitters) = &self.emitters else { return 0.0 };
         let cos = f64::from(cos.abs());
         if cos <= 0.0 {
             return 0.0;
         }
         let by_area = f64::from(color::luminance(emission)) / emitters.total;
-        self.p_emitters * (by_area * distance_sq / cos) as f32
+        share * (by_area * distance_sq / cos) as f32
     }
 }
 
@@ -156,6 +184,18 @@ impl Emitters {
         if !(total > 0.0 && total.is_finite()) {
             return Ok(None);
         }
-        Ok(Some(Self { places, table: AliasTable::new(&weights)?, total }))
+
+        // Where the light is, as far as choosing lights goes: its middle and its spread.
+        let (mut center, mut square) = ([0.0; 3], 0.0);
+        for (place, weight) in places.iter().zip(&weights) {
+            if let Some(at) = surfaces.at(*place, 1.0 / 3.0, 1.0 / 3.0, [0.0; 3]) {
+                let p = at.point.map(f64::from);
+                (0..3).for_each(|c| center[c] += weight / total * p[c]);
+                square += weight / total * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2]);
+            }
+        }
+        let middle = center[0] * center[0] + center[1] * center[1] + center[2] * center[2];
+        let radius_sq = (square - middle).max(RADIUS_MIN * square).max(f64::MIN_POSITIVE);
+        Ok(Some(Self { places, table: AliasTable::new(&weights)?, total, center, radius_sq }))
     }
 }

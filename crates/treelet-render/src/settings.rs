@@ -13,9 +13,9 @@ pub struct Settings {
     pub seed: u64,
     /// The axis (0, 1, 2) that points up, for the sky of a model that has none.
     pub up: usize,
-    /// The most that one path may bring, per channel, after it was scattered twice; more is cut
-    /// off. Infinite: nothing is. Cutting makes fireflies dim, and corners lit by them a little
-    /// darker than they should be.
+    /// The most that one path may bring, per channel, after it was scattered twice, in the units of
+    /// radiance that an exposure of 1 shows as near white; more is cut off. Infinite: nothing is.
+    /// Cutting makes fireflies dim, and what is lit by them a little darker than it should be.
     pub clamp_indirect: f32,
     /// Whether shiny surfaces are shown less shiny, and the sun wider, to light that was already
     /// scattered broadly: caustics become soft instead of a few bright pixels.
@@ -32,7 +32,7 @@ impl Default for Settings {
             max_bounces: 8,
             seed: 0,
             up: 1,
-            clamp_indirect: 8.0,
+            clamp_indirect: 4.0,
             regularize: true,
             strategy: Strategy::Both,
         }

@@ -19,12 +19,12 @@ use treelet_render::{Image, Settings, ToneMap};
 
 const REFERENCE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/reference/box.png");
 const RENEW: &str = "TREELET_RENEW_REFERENCE";
-const SPP: u32 = 64;
-const SPP_REFERENCE: u32 = 1024;
+const SPP: u32 = 256;
+const SPP_REFERENCE: u32 = 4096;
 
 /// Differences (CIE 1976) that nobody minds: 2.3 is said to be just noticeable side by side.
-const MEAN_MAX: f32 = 1.2;
-const PERCENTILE_99_MAX: f32 = 5.0;
+const MEAN_MAX: f32 = 0.9;
+const PERCENTILE_99_MAX: f32 = 4.5;
 
 #[test]
 fn box_looks_like_its_reference() {

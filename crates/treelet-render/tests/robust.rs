@@ -33,7 +33,7 @@ fn odd_models_have_pictures() {
         odd(&|m| (m.transmission, m.ior) = (3.0, 0.0)),
         odd(&|m| (m.ior, m.base_color) = (1e30, [0.0; 3])),
         odd(&|m| (m.metallic, m.transmission, m.roughness) = (0.5, 0.5, 0.0)),
-        lamp([1e30, 0.0, 1e-30]),
+        lamp([f32::MAX, 0.0, 1e-30]),
     ];
     let nan = Part { normals: Some([[f32::NAN; 3]; 8].into()), ..part(cube(), 0) };
     let zero = Part { normals: Some([[0.0; 3]; 8].into()), ..part(cube(), 1) };

@@ -41,9 +41,9 @@ fn scene() -> Model {
     model.placements[3].world_from_object = ball(0.8);
     model.placements[4].world_from_object = Affine::translation([0.0, 2.5, 0.0]);
     let mut second = model.placements[4].clone();
-    second.world_from_object = Affine::translation([-2.5, 1.0, 0.0])
+    second.world_from_object = Affine::translation([-3.0, 1.2, 0.0])
         .then_from(&Affine::rotation([0.0, 0.0, 1.0], 1.2))
-        .then_from(&Affine::scaling([-1.5, 1.0, 0.5]));
+        .then_from(&Affine::scaling([-1.5, 1.0, 2.5]));
     model.placements.push(second);
     let sun = Sun { direction: [0.6, 0.8, 0.0], angular_radius: 0.35, radiance: [6.0, 5.0, 4.0] };
     model.sky = Some(Sky { sun: Some(sun), ..Sky::clear(1) });
@@ -77,9 +77,9 @@ fn estimate(model: &Model, strategy: Strategy, passes: u32) -> [(f64, f64); 3] {
 #[test]
 fn agree_on_the_picture() {
     let model = scene();
-    let both = estimate(&model, Strategy::Both, 96);
+    let both = estimate(&model, Strategy::Both, 128);
     for strategy in [Strategy::Lights, Strategy::Lobes] {
-        let other = estimate(&model, strategy, 192);
+        let other = estimate(&model, strategy, 512);
         for c in 0..3 {
             let ((a, error_a), (b, error_b)) = (both[c], other[c]);
             let bar = 5.0 * (error_a * error_a + error_b * error_b).sqrt();

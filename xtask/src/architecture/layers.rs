@@ -8,7 +8,7 @@ use super::Problem;
 use super::source::{Source, Token};
 
 /// The order, from the ground up. A new folder is written here and in ARCHITECTURE.md.
-const ORDER: &[&str] = &[
+pub(crate) const ORDER: &[&str] = &[
     "context", "memory", "math", "simd", "bounds", "geometry", "tree", "build", "optimize",
     "layout", "trace", "query", "scene", "file", "verify",
 ];

@@ -1,155 +1,133 @@
-//! The map in ARCHITECTURE.md shows the folders that exist, all of them and no others.
+//! The map in ARCHITECTURE.md shows the folders that exist, all of them and no others, and the
+//! library's in the order in which they may know each other.
 //!
-//! The map is the first code block that has a line `crates/`. Each line names one path below the
-//! less indented line above it, then says what it is; names that end in `/` are folders, names
-//! with a dot are files, and several may share a line.
+//! The map is the table below the heading `## The map`; the first cell of a row names paths from
+//! the root of the repository, each between backquotes.
 
 use super::Problem;
 
-/// Checks the page; `folders` must be on the map, and `exists` answers for what is on it.
-pub(crate) fn check(
-    file: &str,
-    page: &str,
-    folders: &[String],
-    exists: impl Fn(&str) -> bool,
-) -> Vec<Problem> {
+/// The heading of the map.
+const HEADING: &str = "## The map";
+
+/// What the page is held against.
+pub(crate) struct Facts<'a> {
+    /// The folders that must be on the map.
+    pub(crate) folders: &'a [String],
+    /// Where the library's folders lie, and their order.
+    pub(crate) library: (&'a str, &'a [&'a str]),
+    /// Whether a path exists.
+    pub(crate) exists: &'a dyn Fn(&str) -> bool,
+}
+
+/// Checks the page.
+pub(crate) fn check(file: &str, page: &str, facts: &Facts<'_>) -> Vec<Problem> {
     let problem = |line: usize, what: String| Problem { file: file.to_owned(), line, what };
-    let Some((first_line, block)) = block(page) else {
-        return vec![problem(1, "no code block has a line `crates/`; the map is missing".into())];
+    let Some(heading) = page.lines().position(|line| line.trim_end() == HEADING) else {
+        return vec![problem(1, format!("the heading `{HEADING}` and its table are missing"))];
     };
-    let named = paths(&block, first_line);
-    let unreal = named
-        .iter()
-        .filter(|(path, _)| !exists(path))
-        .map(|(path, line)| problem(*line, format!("`{path}` is on the map but does not exist")));
-    let unnamed = folders
-        .iter()
-        .filter(|folder| !named.iter().any(|(path, _)| path == *folder))
-        .map(|folder| problem(first_line, format!("`{folder}/` exists but is not on the map")));
-    unreal.chain(unnamed).collect()
-}
-
-/// The map's lines and the number of its first.
-fn block(page: &str) -> Option<(usize, Vec<&str>)> {
-    let mut block: Option<(usize, Vec<&str>)> = None;
-    for (index, line) in page.lines().enumerate() {
-        if !line.trim_start().starts_with("```") {
-            if let Some((_, lines)) = &mut block {
-                lines.push(line);
-            }
-            continue;
-        }
-        // A fence: the block that ends here may be the map, else one begins.
-        match block.take() {
-            Some(map) if is_map(&map.1) => return Some(map),
-            Some(_) => {}
-            None => block = Some((index + 2, Vec::new())),
+    let named = named(page, heading);
+    let mut problems = Vec::new();
+    for &(path, line) in &named {
+        if !(facts.exists)(path) {
+            problems.push(problem(line, format!("`{path}` is on the map but does not exist")));
         }
     }
-    block.filter(|(_, lines)| is_map(lines))
-}
-
-/// Whether a code block is the map.
-fn is_map(lines: &[&str]) -> bool {
-    lines.iter().any(|line| line.split_whitespace().next() == Some("crates/"))
-}
-
-/// Each path of the map without its closing `/`, with its line.
-fn paths(block: &[&str], first_line: usize) -> Vec<(String, usize)> {
-    let mut found = Vec::new();
-    // The folders that enclose the current line: how far each is indented, and its path.
-    let mut above: Vec<(usize, String)> = Vec::new();
-    for (index, line) in block.iter().enumerate() {
-        let indent = line.len() - line.trim_start().len();
-        let names = line.split_whitespace().take_while(|word| is_name(word));
-        let names: Vec<&str> = names.collect();
-        if names.is_empty() {
-            continue;
-        }
-        above.retain(|(other, _)| *other < indent);
-        let parent = above.last().map(|(_, path)| format!("{path}/")).unwrap_or_default();
-        for name in names {
-            let path = format!("{parent}{}", name.trim_end_matches('/'));
-            if name.ends_with('/') {
-                above.retain(|(other, _)| *other < indent);
-                above.push((indent, path.clone()));
-            }
-            found.push((path, first_line + index));
+    for folder in facts.folders {
+        if named.iter().all(|(path, _)| path != folder) {
+            problems.push(problem(heading + 1, format!("`{folder}` exists but is not on the map")));
         }
     }
-    found
+    problems.extend(disorder(&named, facts.library).map(|(path, line)| {
+        problem(line, format!("`{path}` stands too low on the map: what stands below knows it"))
+    }));
+    problems
 }
 
-/// Whether a word of the map names a path rather than tells about one.
-fn is_name(word: &str) -> bool {
-    let plain = |c: char| c.is_alphanumeric() || "-_./".contains(c);
-    let file = |word: &str| word.split_once('.').is_some_and(|(_, end)| end.len() > 1);
-    word.chars().all(plain) && (word.ends_with('/') || file(word))
+/// The paths of the map, with their lines.
+fn named(page: &str, heading: usize) -> Vec<(&str, usize)> {
+    let rows = page.lines().enumerate().skip(heading + 1);
+    let rows = rows.take_while(|(_, line)| !line.starts_with("## "));
+    let cells =
+        rows.filter_map(|(at, line)| Some((at, line.strip_prefix('|')?.split('|').next()?)));
+    // Between backquotes is every second piece.
+    let pieces =
+        cells.flat_map(|(at, cell)| cell.split('`').skip(1).step_by(2).map(move |p| (p, at)));
+    pieces.map(|(path, at)| (path.trim_end_matches('/'), at + 1)).collect()
+}
+
+/// The first folder of the library that comes after one which belongs below it.
+fn disorder<'a>(
+    named: &[(&'a str, usize)],
+    (library, order): (&str, &[&str]),
+) -> Option<(&'a str, usize)> {
+    let rank = |path: &str| {
+        let folder = path.strip_prefix(library)?.strip_prefix('/')?;
+        order.iter().position(|name| *name == folder)
+    };
+    let ranks = named.iter().filter_map(|&(path, line)| Some((rank(path)?, path, line)));
+    let ranks: Vec<_> = ranks.collect();
+    let wrong = ranks.windows(2).find(|pair| pair[1].0 < pair[0].0)?;
+    Some((wrong[1].1, wrong[1].2))
 }
 
 #[cfg(test)]
 mod tests {
-    use super::check;
+    use super::{Facts, check};
 
     const PAGE: &str = "\
-# Map
+# House
 
-```rust
-let x = 1;
-```
+`src/elsewhere` is not on the map.
 
-```text
-crates/
-  treelet/      the library
-    src/
-      lib.rs    names
-      math/     vectors, see lib.rs
-  other/        more
-fuzz/  xtask/
-.ci/run         one line.
-```
+## The map
+
+| where | what |
+|---|---|
+| `src/math` | vectors, see `lib.rs` |
+| `src/tree/`, `src/build` | trees |
+| `xtask` | chores |
+
+## More
+
+| `src/nothing` | no map |
 ";
+    const REAL: [&str; 4] = ["src/math", "src/tree", "src/build", "xtask"];
 
-    fn problems(folders: &[&str], real: &[&str]) -> Vec<String> {
+    fn problems(page: &str, folders: &[&str], real: &[&str], order: &[&str]) -> Vec<String> {
         let folders: Vec<String> = folders.iter().map(|folder| (*folder).to_owned()).collect();
-        let found = check("A.md", PAGE, &folders, |path| real.contains(&path));
+        let exists = |path: &str| real.contains(&path);
+        let facts = Facts { folders: &folders, library: ("src", order), exists: &exists };
+        let found = check("A.md", page, &facts);
         found.iter().map(|problem| format!("{}: {}", problem.line, problem.what)).collect()
     }
 
-    const REAL: [&str; 9] = [
-        "crates",
-        "crates/treelet",
-        "crates/treelet/src",
-        "crates/treelet/src/lib.rs",
-        "crates/treelet/src/math",
-        "crates/other",
-        "fuzz",
-        "xtask",
-        ".ci/run",
-    ];
-
     #[test]
     fn a_true_map_is_fine() {
-        assert_eq!(problems(&["crates/treelet/src/math", "crates/other"], &REAL), [""; 0]);
+        assert_eq!(problems(PAGE, &REAL, &REAL, &["math", "simd", "tree", "build"]), [""; 0]);
     }
 
     #[test]
     fn what_is_not_there_is_refused() {
-        let real = REAL.map(|path| if path == "crates/treelet/src/math" { "" } else { path });
-        let what = "12: `crates/treelet/src/math` is on the map but does not exist";
-        assert_eq!(problems(&[], &real), [what]);
-        let real = REAL.map(|path| if path == "xtask" { "" } else { path });
-        assert_eq!(problems(&[], &real), ["14: `xtask` is on the map but does not exist"]);
+        let what = "9: `src/math` is on the map but does not exist";
+        assert_eq!(problems(PAGE, &[], &REAL[1..], &[]), [what]);
+        let what = "11: `xtask` is on the map but does not exist";
+        assert_eq!(problems(PAGE, &[], &REAL[..3], &[]), [what]);
     }
 
     #[test]
     fn what_is_not_named_is_refused() {
-        let what = "8: `crates/treelet/src/tree/` exists but is not on the map";
-        assert_eq!(problems(&["crates/treelet/src/tree"], &REAL), [what]);
+        let what = "6: `src/elsewhere` exists but is not on the map";
+        assert_eq!(problems(PAGE, &["src/elsewhere"], &REAL, &[]), [what]);
+    }
+
+    #[test]
+    fn a_wrong_order_is_refused() {
+        let what = "10: `src/build` stands too low on the map: what stands below knows it";
+        assert_eq!(problems(PAGE, &[], &REAL, &["math", "build", "tree"]), [what]);
     }
 
     #[test]
     fn a_page_without_a_map_is_refused() {
-        assert_eq!(check("A.md", "# Nothing\n```\nx\n```\n", &[], |_| true).len(), 1);
+        assert_eq!(problems("# House\n| `src/math` |\n", &[], &REAL, &[]).len(), 1);
     }
 }

@@ -13,6 +13,9 @@ mod wall;
 use std::fmt;
 use std::path::{Path, PathBuf};
 
+/// The folder whose folders have an order.
+const LIBRARY: &str = "crates/treelet/src";
+
 /// One broken rule, where it is broken.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Problem {
@@ -48,12 +51,12 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
     let mut problems = Vec::new();
 
     // The library's folders know only those above them.
-    let library = root.join("crates/treelet/src");
+    let library = root.join(LIBRARY);
     let mut modules = Vec::new();
     for file in rust_files(&library)? {
         modules.push((relative(root, &file), source::Source::parse(&read(&file)?)));
     }
-    problems.extend(layers::check("crates/treelet/src", &modules));
+    problems.extend(layers::check(LIBRARY, &modules));
 
     // The crates know only those below them.
     let workspace = read(&root.join("Cargo.toml"))?;
@@ -73,12 +76,12 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
     // The map shows what exists.
     let page = root.join("ARCHITECTURE.md");
     if page.exists() {
-        let folders: Vec<String> = ["crates", "crates/treelet/src"]
-            .into_iter()
-            .flat_map(|folder| folders(root, folder))
-            .collect();
+        let folders: Vec<String> =
+            ["crates", LIBRARY].into_iter().flat_map(|folder| folders(root, folder)).collect();
         let exists = |path: &str| root.join(path).exists();
-        problems.extend(map::check("ARCHITECTURE.md", &read(&page)?, &folders, exists));
+        let library = (LIBRARY, layers::ORDER);
+        let facts = map::Facts { folders: &folders, library, exists: &exists };
+        problems.extend(map::check("ARCHITECTURE.md", &read(&page)?, &facts));
     } else {
         eprintln!("  ARCHITECTURE.md does not exist; its map is not checked");
     }

@@ -73,13 +73,13 @@ impl Garden<'_> {
         let spheres = [Palette::Glass, Palette::Steel, Palette::Gold, Palette::Copper];
         let spheres = spheres.map(|material| self.object(sphere(material)));
         // From the left front around the back to the right front: share of a turn, and which.
-        let ring = [(0.645, 0), (0.53, 2), (0.42, 1), (0.08, 3), (0.97, 1), (0.855, 0)];
+        let ring = [(0.68, 0), (0.56, 2), (0.36, 1), (0.09, 3), (0.965, 1), (0.84, 0)];
         for (share, kind) in ring {
             let (sin, cos) = turn(share);
             self.place(spheres[kind], [3.95 * cos, FLOOR, -3.95 * sin], share, 1.0);
         }
         let lantern = self.object(lantern());
-        for share in [0.60, 0.475, 0.35, 0.15, 0.025, 0.90] {
+        for share in [0.60, 0.475, 0.35, 0.15, 0.06, 0.885] {
             let (sin, cos) = turn(share);
             self.place(lantern, [5.45 * cos, FLOOR, -5.45 * sin], share, 1.0);
         }
@@ -117,7 +117,7 @@ impl Garden<'_> {
         while planted < WOODS {
             let (sin, cos) = turn(self.random.unit());
             // Even over the area between the two radii.
-            let far = self.random.between(27.0 * 27.0, 300.0 * 300.0).sqrt();
+            let far = self.random.between(27.0 * 27.0, 230.0 * 230.0).sqrt();
             let (x, z) = (far * cos, far * sin);
             // Glades where the noise is low; nothing between the camera and the hills in front.
             let dense = fractal([x * 0.013, 7.7, z * 0.013], 3) + 0.10;
@@ -170,15 +170,15 @@ impl Garden<'_> {
         }
         let (sin, cos) = turn(self.random.unit());
         let near = self.random.unit();
-        let far = RADIUS + 36.0 * near * (0.35 + 0.65 * near);
+        let far = RADIUS + 26.0 * near * (0.35 + 0.65 * near);
         (far * cos, far * sin)
     }
 }
 
 /// Trees on the hills.
-const WOODS: usize = 1700;
+const WOODS: usize = 900;
 /// Plants of the meadow, tried.
-const GRASS: usize = 21_000;
+const GRASS: usize = 15_000;
 
 /// Kind, x, z and scale of the trees near the terrace.
 const NEAR_TREES: [(usize, f32, f32, f32); 16] = [

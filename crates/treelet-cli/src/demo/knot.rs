@@ -14,7 +14,7 @@ use super::shape::{Edges, Shape, across};
 /// The strands' turns around the middle of the rope in one round.
 const TWISTS: f32 = 9.0;
 /// Quads along a strand and around it.
-const CELLS: (usize, usize) = (1800, 36);
+const CELLS: (usize, usize) = (1200, 28);
 
 /// The knot about the origin, facing +z, as wide as `size`.
 pub(super) fn knot(size: f32) -> Object {

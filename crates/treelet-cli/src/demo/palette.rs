@@ -83,10 +83,10 @@ impl Palette {
         let (name, material) = match self {
             Self::Meadow => ("meadow", diffuse([0.17, 0.20, 0.06])),
             Self::Soil => ("soil", diffuse([0.16, 0.11, 0.07])),
-            Self::PaleStone => ("pale stone", stone([0.52, 0.46, 0.38], 0.45)),
+            Self::PaleStone => ("pale stone", stone([0.54, 0.45, 0.34], 0.5)),
             Self::DarkStone => ("dark stone", stone([0.13, 0.125, 0.13], 0.22)),
             Self::Basalt => ("polished basalt", metal([0.12, 0.12, 0.135], 0.12)),
-            Self::Rock => ("rock", diffuse([0.36, 0.34, 0.31])),
+            Self::Rock => ("rock", diffuse([0.31, 0.28, 0.24])),
             Self::Copper => ("copper", metal([0.93, 0.42, 0.24], 0.28)),
             Self::Gold => ("gold", metal([1.0, 0.70, 0.24], 0.24)),
             Self::Steel => ("steel", metal([0.80, 0.82, 0.84], 0.05)),

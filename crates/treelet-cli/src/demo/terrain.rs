@@ -9,7 +9,7 @@ use super::shape::{Edges, Shape};
 /// How far the ground reaches to each side.
 const REACH: f32 = 420.0;
 /// Quads along each side.
-const CELLS: usize = 360;
+const CELLS: usize = 260;
 
 /// The height of the ground.
 pub(super) fn height(x: f32, z: f32) -> f32 {
@@ -28,7 +28,7 @@ pub(super) fn height(x: f32, z: f32) -> f32 {
 pub(super) fn ground() -> Part {
     let spread = |t: f32| {
         let s = 2.0 * t - 1.0;
-        // A blend of line and cube: cells of 0.6 m in the middle, of 6 m at the rim.
+        // A blend of line and cube: cells of 0.4 m in the middle, of 9 m at the rim.
         REACH * (0.13 * s + 0.87 * s * s * s)
     };
     let point = |u: f32, v: f32| {

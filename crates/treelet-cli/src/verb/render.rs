@@ -38,7 +38,7 @@ pub(crate) struct Flags {
     output: PathBuf,
 
     /// Width and height in pixels.
-    #[arg(long, default_value = "1280x720", value_name = "WxH")]
+    #[arg(long, default_value = "960x540", value_name = "WxH")]
     size: Size,
 
     /// Passes, each a sample a pixel.

@@ -13,7 +13,7 @@ use super::accessor::Accessors;
 use super::buffers::Buffers;
 use super::json::{self, Mesh, Primitive, Root, mode};
 
-/// Reads meshes, each once, and positions that several primitives share once.
+/// Reads meshes, each once, and once also the positions and indices that several primitives share.
 pub(super) struct Meshes<'s, 'a> {
     source: &'s Source<'a>,
     root: &'s Root,
@@ -21,6 +21,8 @@ pub(super) struct Meshes<'s, 'a> {
     /// Object of each mesh that was read.
     objects: HashMap<usize, usize>,
     positions: HashMap<usize, Array<[f32; 3]>>,
+    /// By accessor and mode.
+    triangles: HashMap<(usize, u32), Array<[u32; 3]>>,
     /// Primitives that are points or lines.
     unread: usize,
     /// Primitives whose last triangle lacks corners.
@@ -36,6 +38,7 @@ impl<'s, 'a> Meshes<'s, 'a> {
             accessors: Accessors { source, root, buffers },
             objects: HashMap::new(),
             positions: HashMap::new(),
+            triangles: HashMap::new(),
             unread: 0,
             ragged: 0,
             replaced_normals: 0,
@@ -113,12 +116,18 @@ impl<'s, 'a> Meshes<'s, 'a> {
         if positions.len() as u64 > u64::from(u32::MAX) {
             return Err(source.broken(place, "has more than 2^32 vertices", "split the mesh"));
         }
-        let triangles = match primitive.indices {
-            Some(indices) => {
-                let indices = self.accessors.indices(indices)?;
-                self.triangles(primitive.mode, indices.len(), |i| indices[i])?
+        let mode = primitive.mode;
+        let known = primitive.indices.and_then(|indices| self.triangles.get(&(indices, mode)));
+        let triangles: Array<[u32; 3]> = match (primitive.indices, known) {
+            (_, Some(triangles)) => triangles.clone(),
+            (Some(accessor), None) => {
+                let indices = self.accessors.indices(accessor)?;
+                let made: Array<_> =
+                    self.make_triangles(mode, indices.len(), |i| indices[i])?.into();
+                self.triangles.insert((accessor, mode), made.clone());
+                made
             }
-            None => self.triangles(primitive.mode, positions.len(), |i| i as u32)?,
+            (None, None) => self.make_triangles(mode, positions.len(), |i| i as u32)?.into(),
         };
         let vertices = positions.len();
         let mesh = treelet::Mesh::new(positions, triangles);
@@ -156,7 +165,7 @@ impl<'s, 'a> Meshes<'s, 'a> {
     }
 
     /// Triangles of a list, strip or fan of `count` corners.
-    fn triangles(
+    fn make_triangles(
         &mut self,
         mode: u32,
         count: usize,

@@ -11,6 +11,9 @@ pub(super) trait Rows<'a>: Clone {
     /// Whether values are fixed-size little-endian bytes, so that [`Rows::take`] is of use.
     const LITTLE_ENDIAN: bool;
 
+    /// Bytes that the very last value of the file may lack: a text may end without a blank.
+    const LACKING: u64;
+
     /// The next value, as the nearest f64.
     fn value(&mut self, kind: Type) -> Result<f64>;
 
@@ -23,13 +26,13 @@ pub(super) trait Rows<'a>: Clone {
     /// Bytes that are left.
     fn rest(&self) -> u64;
 
-    /// The fewest bytes that a row may take.
+    /// The fewest bytes that a row may take; in a text a value is a digit and a blank.
     fn smallest_row(element: &Element) -> u64;
 
     /// The fewest bytes that `count` values may take.
     fn smallest_values(count: u64, kind: Type) -> u64;
 
-    /// Where the next value stands.
+    /// Where the next value stands. Costs a look at all that was read, so for errors only.
     fn place(&self) -> Place;
 
     /// The file.
@@ -38,7 +41,7 @@ pub(super) trait Rows<'a>: Clone {
     /// Compares the rows that the header claims with the bytes that are left.
     fn check_room(&self, element: &Element) -> Result<()> {
         let needed = element.count.saturating_mul(Self::smallest_row(element));
-        if needed <= self.rest() {
+        if needed <= self.rest() + Self::LACKING {
             return Ok(());
         }
         let Element { name, count, line, .. } = element;
@@ -52,13 +55,14 @@ pub(super) trait Rows<'a>: Clone {
 
     /// The next value as a list length, compared with the bytes that are left.
     fn list_len(&mut self, count: Type, item: Type) -> Result<usize> {
-        let place = self.place();
+        // Only an error needs to know the place: in a text it takes counting all lines before.
+        let start = self.clone();
         let len = self.value(count)?;
-        if len >= 0.0 && Self::smallest_values(len as u64, item) <= self.rest() {
+        if len >= 0.0 && Self::smallest_values(len as u64, item) <= self.rest() + Self::LACKING {
             return Ok(len as usize);
         }
         let found = format!("a list of {len} values, with {} bytes left", self.rest());
-        Err(self.source().broken(place, found, DAMAGED))
+        Err(self.source().broken(start.place(), found, DAMAGED))
     }
 
     /// Steps over a value or list.
@@ -128,6 +132,7 @@ impl<'s, 'a, const BIG: bool> Binary<'s, 'a, BIG> {
 
 impl<'a, const BIG: bool> Rows<'a> for Binary<'_, 'a, BIG> {
     const LITTLE_ENDIAN: bool = !BIG;
+    const LACKING: u64 = 0;
 
     #[inline]
     fn value(&mut self, kind: Type) -> Result<f64> {
@@ -226,6 +231,7 @@ fn is_line_end(byte: u8) -> bool {
 
 impl<'a> Rows<'a> for Ascii<'_, 'a> {
     const LITTLE_ENDIAN: bool = false;
+    const LACKING: u64 = 1;
 
     fn value(&mut self, kind: Type) -> Result<f64> {
         let start = self.at;
@@ -259,8 +265,7 @@ impl<'a> Rows<'a> for Ascii<'_, 'a> {
     }
 
     fn smallest_row(element: &Element) -> u64 {
-        // Each value is a digit and a blank, only the very last may lack the blank.
-        2 * element.properties.len() as u64 - u64::from(element.count == 1)
+        2 * element.properties.len() as u64
     }
 
     fn smallest_values(count: u64, _: Type) -> u64 {

@@ -104,10 +104,9 @@ fn read_packed<'a, R: Rows<'a>>(
     count: usize,
     positions: &mut Vec<[f32; 3]>,
 ) -> Result<()> {
-    let place = rows.place();
     let Some(bytes) = count.checked_mul(stride).and_then(|len| rows.take(len)) else {
         return Err(rows.source().broken(
-            place,
+            rows.place(),
             "the vertices are cut short",
             crate::error::DAMAGED,
         ));

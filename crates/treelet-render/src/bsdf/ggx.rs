@@ -106,4 +106,29 @@ mod tests {
             }
         }
     }
+
+    /// Value over the cosine of `wi` is the same both ways, and the density is that of Walter 2007.
+    #[test]
+    fn is_reciprocal() {
+        let direction = |i: u32| {
+            let [z, phi] = sobol(i + 1);
+            let radius = (1.0 - z * z).sqrt();
+            [radius * libm::cosf(6.0 * phi), radius * libm::sinf(6.0 * phi), z]
+        };
+        for i in 0..200 {
+            let (wo, wi) = (direction(i), direction(i + 200));
+            let ggx = Ggx { alpha: 0.05 + 0.004 * i as f32 };
+            let there = ggx.eval(wo, wi).0 / wi[2];
+            let back = ggx.eval(wi, wo).0 / wo[2];
+            assert!((there / back - 1.0).abs() < 1e-4, "{wo:?} {wi:?}: {there} {back}");
+        }
+        let tan2 = 0.25f32;
+        let cos2 = 1.0 / (1.0 + tan2);
+        let ggx = Ggx { alpha: 0.3 };
+        let a2 = 0.09f32;
+        let s = a2 + tan2;
+        let want = a2 / (core::f32::consts::PI * cos2 * cos2 * s * s);
+        let half = [(1.0 - cos2).sqrt(), 0.0, cos2.sqrt()];
+        assert!((ggx.density(half) / want - 1.0).abs() < 1e-5);
+    }
 }
