@@ -127,7 +127,8 @@ impl TriangleRay {
         clip: &Interval,
         range: &Interval,
     ) -> Option<Meeting> {
-        let sheared = corners.map(|corner| self.shear(corner));
+        let [a, b, c] = corners;
+        let sheared = [self.shear(*a), self.shear(*b), self.shear(*c)];
         let edges = edge_functions(&sheared);
         // Strictly mixed signs are certain even in f32. NaN, from overflow, is not rejected here.
         let [u, v, w] = edges;
@@ -171,7 +172,7 @@ impl TriangleRay {
     #[inline(always)]
     fn shear(&self, corner: [f32; 3]) -> Sheared {
         let moved = vec3::sub(corner, self.origin);
-        let [x, y, z] = self.axes.map(|axis| moved[axis]);
+        let [x, y, z] = [moved[self.axes[0]], moved[self.axes[1]], moved[self.axes[2]]];
         [x - self.shear[0] * z, y - self.shear[1] * z, z]
     }
 

@@ -3,7 +3,7 @@
 //!
 //! | bytes    | field      | meaning                                         |
 //! |----------|------------|-------------------------------------------------|
-//! | 0..48    | `bounds`   | left, then right: `lo` and `hi`, f32            |
+//! | 0..48    | `boxes`    | by axis: `lo` of left and right, `hi` of both   |
 //! | 48..64   | `children` | left, then right: one [`Child`] of two words    |
 //!
 //! | word of a child | meaning                                                              |
@@ -14,6 +14,7 @@
 //! Lowering visits every node of the tree once; leaves that mix kinds are split by kind.
 
 use crate::bounds::Aabb;
+use crate::bounds::slab::{BoxPair, pair};
 use crate::build::Info;
 use crate::context::{Cancel, Cancelled};
 use crate::tree::{Kind, Tree};
@@ -30,8 +31,8 @@ pub const INFO: Info = Info {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Node2 {
-    /// Left and right.
-    pub bounds: [Aabb; 2],
+    /// Around the left and the right child.
+    pub boxes: BoxPair,
     /// Left and right.
     pub children: [Child; 2],
 }
@@ -172,12 +173,11 @@ impl Lowering<'_> {
         while let Some((left, place)) = open.pop() {
             cancel.check()?;
             // The right one first, so that the left one is on top of the stack.
-            for side in [1, 0] {
-                let node = &self.tree.nodes[left + side];
-                let child = self.child(node.kind(), &mut open);
-                self.nodes[place].bounds[side] = node.bounds;
-                self.nodes[place].children[side] = child;
-            }
+            let nodes = [&self.tree.nodes[left], &self.tree.nodes[left + 1]];
+            let right = self.child(nodes[1].kind(), &mut open);
+            let left = self.child(nodes[0].kind(), &mut open);
+            let boxes = pair(&nodes[0].bounds, &nodes[1].bounds);
+            self.nodes[place] = Node2 { boxes, children: [left, right] };
         }
         Ok(root)
     }
@@ -217,7 +217,8 @@ impl Lowering<'_> {
             [_, true] => triangles,
             [true, false] => instances,
             [false, false] => {
-                self.nodes.push(Node2 { bounds: around, children: [triangles, instances] });
+                let boxes = pair(&around[0], &around[1]);
+                self.nodes.push(Node2 { boxes, children: [triangles, instances] });
                 Child::inner(self.nodes.len() as u32 - 1)
             }
         }
@@ -225,7 +226,7 @@ impl Lowering<'_> {
 }
 
 /// A place whose node is still to come.
-const UNWRITTEN: Node2 = Node2 { bounds: [Aabb::EMPTY; 2], children: [Child::EMPTY; 2] };
+const UNWRITTEN: Node2 = Node2 { boxes: [[0.0; 4]; 3], children: [Child::EMPTY; 2] };
 
 #[cfg(test)]
 mod tests {
