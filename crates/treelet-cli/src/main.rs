@@ -1,1 +1,35 @@
-fn main() {}
+//! The `treelet` command: pictures of scenes, and what their trees are worth.
+//!
+//! One verb a file in `verb/`; `demo/` is the scene that is there when no file is given. People
+//! read stderr; `--json` puts exactly one object on stdout.
+
+mod arguments;
+mod camera;
+mod demo;
+mod duplicates;
+mod ending;
+mod input;
+mod output;
+mod progress;
+mod ray_text;
+mod session;
+mod text;
+mod verb;
+
+use std::process::ExitCode;
+
+use clap::Parser as _;
+
+fn main() -> ExitCode {
+    let words = arguments::joined(std::env::args_os());
+    match arguments::Arguments::try_parse_from(words) {
+        Ok(arguments) => session::run(arguments),
+        // Help and version too come this way; clap knows which stream and which exit code.
+        Err(message) => {
+            let code = message.exit_code();
+            // A closed stream is no reason to fail.
+            drop(message.print());
+            ExitCode::from(u8::try_from(code).unwrap_or(ending::ERROR))
+        }
+    }
+}

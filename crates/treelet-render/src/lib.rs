@@ -1,1 +1,37 @@
-//! To be written.
+//! From a scene to a picture: a path tracer over [`treelet`]'s queries, and maps of what the tree did.
+//!
+//! A [`Renderer`] takes a [`treelet_model::Model`], the scene built from it and a camera; each
+//! [`Renderer::pass`] adds one sample a pixel to a [`Film`]; [`Film::to_image`] shows what is there so
+//! far. Nothing here prints, asks the clock or starts a thread of its own: passes run on the
+//! caller's rayon pool. The picture is a pure function of model, camera and settings, bit for bit,
+//! for any number of threads: all maths functions are `libm`'s.
+
+mod alias;
+pub mod aov;
+mod bsdf;
+mod camera;
+mod color;
+mod error;
+pub mod film;
+pub mod filter;
+mod font;
+mod frame;
+mod heat;
+pub mod image;
+mod integrator;
+mod light;
+mod renderer;
+pub mod sampler;
+mod settings;
+pub mod sky;
+mod surface;
+pub mod tonemap;
+
+pub use aov::Aov;
+pub use error::RenderError;
+pub use film::Film;
+pub use image::Image;
+pub use renderer::{PassStats, Renderer};
+pub use settings::{Settings, Strategy};
+pub use sky::default_sky;
+pub use tonemap::ToneMap;

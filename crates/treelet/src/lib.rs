@@ -47,3 +47,8 @@ pub use scene::{
     BuildOptions, BuildReport, HitLists, Invalid, Scene, SceneBuilder, SceneError, WrongLength,
 };
 pub use trace::Counters;
+
+/// The examples of the README, compiled and run.
+#[cfg(doctest)]
+#[doc = include_str!("../../../README.md")]
+struct Readme;

@@ -61,15 +61,19 @@ impl Interval {
     }
 }
 
+/// Two boxes side by side: for each axis `lo` and `lo`, then `hi` and `hi`, of both.
+pub type BoxPair = [[f32; 4]; 3];
+
 /// A ray prepared for many boxes.
+///
+/// Moving the lower planes back by `slack` is measuring them from an origin that is moved forward
+/// by it, and the other way round for the upper planes: whichever of the two the ray meets first.
 #[derive(Clone, Copy, Debug)]
 pub struct SlabRay {
-    /// What the planes that bound the entry are measured from: the origin, moved backward.
-    near_origin: [f32; 3],
-    /// What the planes that bound the exit are measured from: the origin, moved forward.
-    far_origin: [f32; 3],
-    /// `1 / direction`.
-    reciprocal: [f32; 3],
+    /// By axis: what the planes met first are measured from, twice; then those met last.
+    origins: [[f32; 4]; 3],
+    /// By axis: `1 / direction`, twice; then its negative, so that exits are maxima too.
+    reciprocals: [[f32; 4]; 3],
     /// Whether the ray meets the upper plane first.
     backward: [bool; 3],
 }
@@ -79,45 +83,52 @@ impl SlabRay {
     /// on every side.
     #[inline]
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
-        let mut ray = Self {
-            near_origin: origin,
-            far_origin: origin,
-            reciprocal: direction.map(|d| 1.0 / d),
-            backward: direction.map(f32::is_sign_negative),
-        };
+        let mut ray =
+            Self { origins: [[0.0; 4]; 3], reciprocals: [[0.0; 4]; 3], backward: [false; 3] };
         for axis in 0..3 {
             // Rounded outward, so that even a slack below the origin's own precision is kept.
             let above = (origin[axis] + slack).next_up();
             let below = (origin[axis] - slack).next_down();
-            let (near, far) = if ray.backward[axis] { (below, above) } else { (above, below) };
-            ray.near_origin[axis] = near;
-            ray.far_origin[axis] = far;
+            let backward = direction[axis].is_sign_negative();
+            let (first, last) = if backward { (below, above) } else { (above, below) };
+            let reciprocal = 1.0 / direction[axis];
+            ray.origins[axis] = [first, first, last, last];
+            ray.reciprocals[axis] = [reciprocal, reciprocal, -reciprocal, -reciprocal];
+            ray.backward[axis] = backward;
         }
         ray
     }
 
     /// Where the ray is in the widened box.
-    #[inline(always)]
+    #[inline]
     pub fn interval(&self, bounds: &Aabb) -> Interval {
-        let mut out = Interval::ALL;
+        self.intervals(&pair(bounds, bounds))[0]
+    }
+
+    /// Where the ray is in each of two widened boxes.
+    ///
+    /// Four lanes in step, which compilers turn into one instruction each: two entries, and two
+    /// exits negated.
+    #[inline(always)]
+    pub fn intervals(&self, boxes: &BoxPair) -> [Interval; 2] {
+        let mut latest = [f32::NEG_INFINITY; 4];
         for axis in 0..3 {
-            let (near, far) = if self.backward[axis] {
-                (bounds.hi[axis], bounds.lo[axis])
-            } else {
-                (bounds.lo[axis], bounds.hi[axis])
-            };
-            let entry = (near - self.near_origin[axis]) * self.reciprocal[axis];
-            let exit = (far - self.far_origin[axis]) * self.reciprocal[axis];
-            // Comparisons that are false for NaN keep what there is: see the module's head.
-            if entry > out.entry {
-                out.entry = entry;
-            }
-            if exit < out.exit {
-                out.exit = exit;
+            let [a, b, c, d] = boxes[axis];
+            let planes = if self.backward[axis] { [c, d, a, b] } else { [a, b, c, d] };
+            for lane in 0..4 {
+                let t = (planes[lane] - self.origins[axis][lane]) * self.reciprocals[axis][lane];
+                // A comparison that is false for NaN keeps what there is: see the module's head.
+                latest[lane] = if t > latest[lane] { t } else { latest[lane] };
             }
         }
-        out
+        let [left, right, left_exit, right_exit] = latest;
+        [Interval { entry: left, exit: -left_exit }, Interval { entry: right, exit: -right_exit }]
     }
+}
+
+/// Two boxes, side by side.
+pub fn pair(left: &Aabb, right: &Aabb) -> BoxPair {
+    core::array::from_fn(|axis| [left.lo[axis], right.lo[axis], left.hi[axis], right.hi[axis]])
 }
 
 #[cfg(test)]

@@ -127,7 +127,8 @@ impl TriangleRay {
         clip: &Interval,
         range: &Interval,
     ) -> Option<Meeting> {
-        let sheared = corners.map(|corner| self.shear(corner));
+        let [a, b, c] = corners;
+        let sheared = [self.shear(*a), self.shear(*b), self.shear(*c)];
         let edges = edge_functions(&sheared);
         // Strictly mixed signs are certain even in f32. NaN, from overflow, is not rejected here.
         let [u, v, w] = edges;
@@ -171,17 +172,18 @@ impl TriangleRay {
     #[inline(always)]
     fn shear(&self, corner: [f32; 3]) -> Sheared {
         let moved = vec3::sub(corner, self.origin);
-        let [x, y, z] = self.axes.map(|axis| moved[axis]);
+        let [x, y, z] = [moved[self.axes[0]], moved[self.axes[1]], moved[self.axes[2]]];
         [x - self.shear[0] * z, y - self.shear[1] * z, z]
     }
 
     /// Weights and `t` where f32 can be trusted. The weights are divided first: the sum of products
-    /// in the paper leaves the f32 range from about 1e13.
+    /// in the paper leaves the f32 range from about 1e13. Depth is the first corner's plus shares of
+    /// the differences, so that a triangle that faces the ray squarely is met at exactly its depth.
     #[inline(always)]
     fn meet(&self, [a, b, c]: &[Sheared; 3], [u, v, w]: [f32; 3]) -> Meeting {
         let det = u + v + w;
-        let (u, v, w) = (u / det, v / det, w / det);
-        let z = u * a[2] + v * b[2] + w * c[2];
+        let (v, w) = (v / det, w / det);
+        let z = a[2] + (v * (b[2] - a[2]) + w * (c[2] - a[2]));
         Meeting { t: z * self.shear[2], u: v, v: w }
     }
 
@@ -198,8 +200,8 @@ impl TriangleRay {
         if det == 0.0 || !det.is_finite() {
             return None;
         }
-        let (u, v, w) = (u / det, v / det, w / det);
-        let z = u * a[2] + v * b[2] + w * c[2];
+        let (v, w) = (v / det, w / det);
+        let z = a[2] + (v * (b[2] - a[2]) + w * (c[2] - a[2]));
         let t = (z / f64::from(self.direction_z)) as f32;
         Some(Meeting { t, u: v as f32, v: w as f32 })
     }

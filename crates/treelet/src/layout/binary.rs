@@ -3,7 +3,7 @@
 //!
 //! | bytes    | field      | meaning                                         |
 //! |----------|------------|-------------------------------------------------|
-//! | 0..48    | `bounds`   | left, then right: `lo` and `hi`, f32            |
+//! | 0..48    | `boxes`    | by axis: `lo` of left and right, `hi` of both   |
 //! | 48..64   | `children` | left, then right: one [`Child`] of two words    |
 //!
 //! | word of a child | meaning                                                              |
@@ -14,7 +14,9 @@
 //! Lowering visits every node of the tree once; leaves that mix kinds are split by kind.
 
 use crate::bounds::Aabb;
+use crate::bounds::slab::{BoxPair, pair};
 use crate::build::Info;
+use crate::context::{Cancel, Cancelled};
 use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
 
@@ -29,8 +31,8 @@ pub const INFO: Info = Info {
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C, align(64))]
 pub struct Node2 {
-    /// Left and right.
-    pub bounds: [Aabb; 2],
+    /// Around the left and the right child.
+    pub boxes: BoxPair,
     /// Left and right.
     pub children: [Child; 2],
 }
@@ -130,7 +132,12 @@ pub(crate) struct Lowered {
 }
 
 /// Packs a tree over `triangles` triangles, numbered first, and instances, numbered after them.
-pub(crate) fn lower(tree: &Tree, bounds: &[Aabb], triangles: usize) -> Lowered {
+pub(crate) fn lower(
+    tree: &Tree,
+    bounds: &[Aabb],
+    triangles: usize,
+    cancel: &Cancel,
+) -> Result<Lowered, Cancelled> {
     let mut lowering = Lowering {
         tree,
         bounds,
@@ -139,12 +146,12 @@ pub(crate) fn lower(tree: &Tree, bounds: &[Aabb], triangles: usize) -> Lowered {
         triangles: Vec::with_capacity(triangles),
         instances: Vec::with_capacity(tree.prims.len() - triangles),
     };
-    let root = lowering.run();
-    Lowered {
+    let root = lowering.run(cancel)?;
+    Ok(Lowered {
         layout: Binary { nodes: lowering.nodes, root, bounds: tree.bounds() },
         triangles: lowering.triangles,
         instances: lowering.instances,
-    }
+    })
 }
 
 struct Lowering<'a> {
@@ -158,51 +165,34 @@ struct Lowering<'a> {
 
 impl Lowering<'_> {
     /// Lowers depth first, so that a node's left subtree follows it in memory.
-    fn run(&mut self) -> Child {
-        if self.tree.nodes.is_empty() {
-            return Child::EMPTY;
-        }
-        let root = self.open(0);
-        // (node of the tree, its packed place), for inner nodes whose children are not packed yet.
+    fn run(&mut self, cancel: &Cancel) -> Result<Child, Cancelled> {
+        let Some(root) = self.tree.nodes.first() else { return Ok(Child::EMPTY) };
+        // Inner nodes whose children are still to be packed: the left one, and where they go.
         let mut open = Vec::new();
-        if let Kind::Inner { left } = self.tree.nodes[0].kind() {
-            open.push((left, 0_usize));
-        }
+        let root = self.child(root.kind(), &mut open);
         while let Some((left, place)) = open.pop() {
+            cancel.check()?;
             // The right one first, so that the left one is on top of the stack.
-            let right_place = self.reserve(left + 1);
-            let left_place = self.reserve(left);
-            for (side, packed) in [(1, right_place), (0, left_place)] {
-                let node = &self.tree.nodes[left + side];
-                self.nodes[place].bounds[side] = node.bounds;
-                match node.kind() {
-                    Kind::Inner { left } => {
-                        self.nodes[place].children[side] = Child::inner(packed as u32);
-                        open.push((left, packed));
-                    }
-                    Kind::Leaf { first, count } => {
-                        self.nodes[place].children[side] = self.leaf(first, count);
-                    }
-                }
-            }
+            let nodes = [&self.tree.nodes[left], &self.tree.nodes[left + 1]];
+            let right = self.child(nodes[1].kind(), &mut open);
+            let left = self.child(nodes[0].kind(), &mut open);
+            let boxes = pair(&nodes[0].bounds, &nodes[1].bounds);
+            self.nodes[place] = Node2 { boxes, children: [left, right] };
         }
-        root
+        Ok(root)
     }
 
-    /// The child word of the root.
-    fn open(&mut self, node: usize) -> Child {
-        match self.tree.nodes[node].kind() {
-            Kind::Inner { .. } => Child::inner(self.reserve(node) as u32),
+    /// The word for a node of the tree: a leaf is packed now, an inner node gets a place.
+    fn child(&mut self, kind: Kind, open: &mut Vec<(usize, usize)>) -> Child {
+        match kind {
+            Kind::Inner { left } => {
+                let place = self.nodes.len();
+                self.nodes.push(UNWRITTEN);
+                open.push((left, place));
+                Child::inner(place as u32)
+            }
             Kind::Leaf { first, count } => self.leaf(first, count),
         }
-    }
-
-    /// A place for an inner node; leaves need none.
-    fn reserve(&mut self, node: usize) -> usize {
-        if matches!(self.tree.nodes[node].kind(), Kind::Inner { .. }) {
-            self.nodes.push(UNWRITTEN);
-        }
-        self.nodes.len().wrapping_sub(1)
     }
 
     /// Packs a leaf; one with both kinds becomes a node of two leaves.
@@ -227,7 +217,8 @@ impl Lowering<'_> {
             [_, true] => triangles,
             [true, false] => instances,
             [false, false] => {
-                self.nodes.push(Node2 { bounds: around, children: [triangles, instances] });
+                let boxes = pair(&around[0], &around[1]);
+                self.nodes.push(Node2 { boxes, children: [triangles, instances] });
                 Child::inner(self.nodes.len() as u32 - 1)
             }
         }
@@ -235,7 +226,7 @@ impl Lowering<'_> {
 }
 
 /// A place whose node is still to come.
-const UNWRITTEN: Node2 = Node2 { bounds: [Aabb::EMPTY; 2], children: [Child::EMPTY; 2] };
+const UNWRITTEN: Node2 = Node2 { boxes: [[0.0; 4]; 3], children: [Child::EMPTY; 2] };
 
 #[cfg(test)]
 mod tests {

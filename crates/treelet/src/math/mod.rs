@@ -4,6 +4,8 @@
 //! and additions in one fixed order, so that every machine rounds alike.
 
 pub mod affine;
+#[cfg(feature = "glam")]
+mod glam;
 pub mod ray;
 pub mod rounding;
 pub mod vec3;

@@ -49,10 +49,10 @@ pub(super) fn assemble(
     let tree_time = Stopwatch::start();
     let tree = options.builder.build(&prims.bounds, &options.context)?;
     report.tree_time = tree_time.elapsed();
-    report.tree = tree.stats();
+    report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
     report.instances = prims.instances.len() as u64;
-    let lowered = binary::lower(&tree, &prims.bounds, triangles);
+    let lowered = binary::lower(&tree, &prims.bounds, triangles, &options.context.cancel)?;
     let structure = finish(description.meshes, instances, &prims, &tree, lowered, options)?;
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();

@@ -5,7 +5,8 @@
 //! Subdivision", The Visual Computer 6(3), 1990: a long random ray that meets a convex body meets a
 //! smaller one inside it with the probability of the ratio of their surface areas.
 
-use super::{Kind, Tree};
+use super::{Kind, Node, Tree};
+use crate::context::{Cancel, Cancelled};
 
 /// Prices, in any one unit: only their ratio changes which tree is best.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,31 +54,52 @@ impl Tree {
     ///
     /// A tree whose root has no area (one point, one line) counts every node as met.
     pub fn sah(&self, constants: &SahConstants) -> f64 {
-        // Scaled by the root's own area, so that extents near the ends of f32 do not matter.
-        let root = self.bounds().half_area();
-        let met = |area: f64| if root > 0.0 { area / root } else { 1.0 };
-        let price = |node: &super::Node| match node.kind() {
-            Kind::Inner { .. } => constants.visit,
-            Kind::Leaf { count, .. } => constants.prim * count as f64,
-        };
-        self.nodes.iter().map(|node| price(node) * met(node.bounds.half_area())).sum()
+        let met = self.chances();
+        self.nodes.iter().map(|node| constants.price(node) * met(node)).sum()
     }
 
     /// Counts and measures the tree. O(n).
     pub fn stats(&self) -> TreeStats {
-        let mut stats = TreeStats {
-            nodes: self.nodes.len() as u64,
-            depth: self.depths().into_iter().max().map_or(0, |deepest| deepest + 1),
-            sah: self.sah(&SahConstants::default()),
-            ..TreeStats::default()
-        };
-        for node in &self.nodes {
-            if let Kind::Leaf { count, .. } = node.kind() {
-                stats.leaves += 1;
-                stats.prims += count as u64;
-                stats.leaf_max = stats.leaf_max.max(count as u32);
+        // A flag that nobody holds is never raised.
+        self.measure(&Cancel::new()).unwrap_or_default()
+    }
+
+    /// [`Tree::stats`], to be stopped at any time.
+    pub(crate) fn measure(&self, cancel: &Cancel) -> Result<TreeStats, Cancelled> {
+        let constants = SahConstants::default();
+        let met = self.chances();
+        let mut stats = TreeStats { nodes: self.nodes.len() as u64, ..TreeStats::default() };
+        let mut depths = alloc::vec![1; self.nodes.len()];
+        for (at, node) in self.nodes.iter().enumerate() {
+            cancel.check()?;
+            stats.sah += constants.price(node) * met(node);
+            let depth: u32 = depths[at];
+            stats.depth = stats.depth.max(depth);
+            match node.kind() {
+                Kind::Inner { left } => depths[left..left + 2].fill(depth + 1),
+                Kind::Leaf { count, .. } => {
+                    stats.leaves += 1;
+                    stats.prims += count as u64;
+                    stats.leaf_max = stats.leaf_max.max(count as u32);
+                }
             }
         }
-        stats
+        Ok(stats)
+    }
+
+    /// The chance that a ray which meets the root meets a node. Relative to the root's own area, so
+    /// that extents near the ends of f32 do not matter.
+    fn chances(&self) -> impl Fn(&Node) -> f64 {
+        let root = self.bounds().half_area();
+        move |node| if root > 0.0 { node.bounds.half_area() / root } else { 1.0 }
+    }
+}
+
+impl SahConstants {
+    fn price(&self, node: &Node) -> f64 {
+        match node.kind() {
+            Kind::Inner { .. } => self.visit,
+            Kind::Leaf { count, .. } => self.prim * count as f64,
+        }
     }
 }

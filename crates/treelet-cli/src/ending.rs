@@ -1,0 +1,85 @@
+//! How a run ends: exit codes, and what went wrong in words.
+
+use std::error::Error;
+
+/// Something went wrong.
+pub(crate) const ERROR: u8 = 1;
+/// The command line asks for something impossible.
+const USAGE: u8 = 2;
+/// A check found a difference.
+const CHECK_FAILED: u8 = 3;
+/// Somebody pressed Ctrl-C: 128 plus the number of SIGINT.
+pub(crate) const CANCELLED: u8 = 130;
+
+/// The end of a verb that has something to report.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Ending {
+    Done,
+    CheckFailed,
+    Cancelled,
+}
+
+impl Ending {
+    /// The exit code.
+    pub(crate) const fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::CheckFailed => CHECK_FAILED,
+            Self::Cancelled => CANCELLED,
+        }
+    }
+}
+
+/// The end of a verb that has nothing to report.
+#[derive(Debug)]
+pub(crate) enum Failure {
+    /// What was asked for cannot be done.
+    Error(Box<dyn Error + Send + Sync>),
+    /// The command line is wrong in a way that only shows later.
+    Usage(String),
+    /// Cancelled before there was anything to keep.
+    Cancelled,
+}
+
+impl Failure {
+    /// A failure told in a sentence.
+    pub(crate) fn told(sentence: impl Into<String>) -> Self {
+        Self::Error(sentence.into().into())
+    }
+
+    /// The exit code.
+    pub(crate) const fn code(&self) -> u8 {
+        match self {
+            Self::Error(_) => ERROR,
+            Self::Usage(_) => USAGE,
+            Self::Cancelled => CANCELLED,
+        }
+    }
+
+    /// What happened, and its causes, outermost first.
+    pub(crate) fn lines(&self) -> Vec<String> {
+        match self {
+            Self::Usage(sentence) => vec![sentence.clone()],
+            Self::Cancelled => vec!["cancelled; nothing was written".into()],
+            Self::Error(error) => {
+                let mut lines = vec![error.to_string()];
+                let mut cause = error.source();
+                while let Some(error) = cause {
+                    let line = error.to_string();
+                    // Transparent errors repeat their cause, and some quote it.
+                    if lines.iter().all(|other| !other.contains(&line)) {
+                        lines.push(line);
+                    }
+                    cause = error.source();
+                }
+                lines
+            }
+        }
+    }
+}
+
+impl<E: Error + Send + Sync + 'static> From<E> for Failure {
+    fn from(error: E) -> Self {
+        Self::Error(Box::new(error))
+    }
+}

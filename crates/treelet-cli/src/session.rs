@@ -1,0 +1,132 @@
+//! One run of the command: threads, cancelling, the report on stdout, words on stderr.
+
+use std::io::Write as _;
+use std::process::ExitCode;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use anstyle::{AnsiColor, Style};
+use serde::Serialize;
+use treelet::Cancel;
+
+use crate::arguments::Arguments;
+use crate::ending::{CANCELLED, Ending, Failure};
+use crate::output;
+
+/// The version of the JSON reports' form; it rises when a field changes its meaning or vanishes.
+pub(crate) const SCHEMA: u32 = 1;
+
+/// What every verb is given.
+pub(crate) struct Session {
+    /// Raised by the first Ctrl-C.
+    pub(crate) cancel: Cancel,
+    /// Threads at work.
+    pub(crate) threads: usize,
+}
+
+/// What a verb has to report, and how it ended.
+pub(crate) struct Outcome {
+    /// The object for stdout, as text.
+    pub(crate) json: String,
+    pub(crate) ending: Ending,
+}
+
+/// A report with what all of them have.
+#[derive(Serialize)]
+struct Envelope<'a, T> {
+    schema: u32,
+    verb: &'a str,
+    #[serde(flatten)]
+    body: &'a T,
+}
+
+/// The body of a report of failure.
+#[derive(Serialize)]
+struct FailureReport {
+    exit_code: u8,
+    /// What happened, then its causes.
+    error: Vec<String>,
+}
+
+impl Outcome {
+    /// A finished verb.
+    pub(crate) fn new(verb: &str, body: &impl Serialize, ending: Ending) -> Result<Self, Failure> {
+        let json = serde_json::to_string(&Envelope { schema: SCHEMA, verb, body })?;
+        Ok(Self { json, ending })
+    }
+}
+
+/// Runs the verb; the exit code.
+pub(crate) fn run(arguments: Arguments) -> ExitCode {
+    let name = arguments.verb.name();
+    let json = arguments.json;
+    let outcome = start(arguments);
+    let (report, code) = match outcome {
+        Ok(Outcome { json, ending }) => (json, ending.code()),
+        Err(failure) => {
+            let error = failure.lines();
+            let code = failure.code();
+            complain(&failure, &error);
+            let body = FailureReport { exit_code: code, error };
+            let envelope = Envelope { schema: SCHEMA, verb: name, body: &body };
+            // A report of strings and numbers always has a text.
+            (serde_json::to_string(&envelope).unwrap_or_default(), code)
+        }
+    };
+    if json {
+        let mut stdout = std::io::stdout().lock();
+        // A reader that went away is not our failure.
+        drop(writeln!(stdout, "{report}").and_then(|()| stdout.flush()));
+    }
+    ExitCode::from(code)
+}
+
+/// Prepares threads and cancelling, and runs the verb.
+fn start(arguments: Arguments) -> Result<Outcome, Failure> {
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(threads) = arguments.threads {
+        pool = pool.num_threads(threads.get());
+    }
+    let pool = pool.build()?;
+    let session = Session { cancel: Cancel::new(), threads: pool.current_num_threads() };
+    watch_for_interrupts(session.cancel.clone())?;
+    pool.install(|| arguments.verb.run(&session))
+}
+
+/// The first Ctrl-C asks the verb to stop, the second stops the program.
+fn watch_for_interrupts(cancel: Cancel) -> Result<(), Failure> {
+    static ASKED: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(move || {
+        if ASKED.swap(true, Ordering::SeqCst) {
+            output::remove_unfinished();
+            std::process::exit(i32::from(CANCELLED));
+        }
+        cancel.cancel();
+        anstream::eprintln!("\nstopping; Ctrl-C again stops at once");
+    })?;
+    Ok(())
+}
+
+/// Prints a failure: one line, and one for each cause.
+fn complain(failure: &Failure, lines: &[String]) {
+    let red = Style::new().bold().fg_color(Some(AnsiColor::Red.into()));
+    let mut lines = lines.iter();
+    let first = lines.next().map_or("", String::as_str);
+    match failure {
+        Failure::Cancelled => anstream::eprintln!("{first}"),
+        _ => anstream::eprintln!("{red}error:{red:#} {first}"),
+    }
+    for cause in lines {
+        anstream::eprintln!("  because {cause}");
+    }
+}
+
+/// Something the user should know, though work goes on.
+pub(crate) fn warn(sentence: &str) {
+    let yellow = Style::new().bold().fg_color(Some(AnsiColor::Yellow.into()));
+    anstream::eprintln!("{yellow}warning:{yellow:#} {sentence}");
+}
+
+/// A line for people.
+pub(crate) fn say(line: &str) {
+    anstream::eprintln!("{line}");
+}

@@ -1,0 +1,60 @@
+//! Numbers as people read them.
+
+use std::time::Duration;
+
+/// `1234567` as `1,234,567`.
+pub(crate) fn count(number: u64) -> String {
+    let digits = number.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index) % 3 == 0 {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+/// `1 thing`, `2 things`.
+pub(crate) fn things(number: u64, thing: &str) -> String {
+    format!("{} {thing}{}", count(number), if number == 1 { "" } else { "s" })
+}
+
+/// A time with three or so digits.
+pub(crate) fn time(time: Duration) -> String {
+    match time.as_secs_f64() {
+        seconds if seconds >= 99.95 => format!("{seconds:.0} s"),
+        seconds if seconds >= 9.995 => format!("{seconds:.1} s"),
+        seconds if seconds >= 0.9995 => format!("{seconds:.2} s"),
+        seconds if seconds >= 0.000_999_5 => format!("{:.0} ms", 1e3 * seconds),
+        seconds => format!("{:.0} us", 1e6 * seconds),
+    }
+}
+
+/// A rate with three or so digits and its unit: `1.23 M`.
+pub(crate) fn rate(amount: u64, time: Duration) -> String {
+    let rate = amount as f64 / time.as_secs_f64().max(1e-9);
+    let (number, prefix) = match rate {
+        rate if rate >= 1e9 => (1e-9 * rate, " G"),
+        rate if rate >= 1e6 => (1e-6 * rate, " M"),
+        rate if rate >= 1e3 => (1e-3 * rate, " k"),
+        rate => (rate, " "),
+    };
+    format!("{number:.*}{prefix}", if number < 9.995 { 2 } else { 1 })
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::{count, rate, time};
+
+    #[test]
+    fn numbers_read_well() {
+        assert_eq!([0, 999, 1000, 1_234_567].map(count), ["0", "999", "1,000", "1,234,567"]);
+        let texts = [7, 45_000, 1_230_000, 34_560_000].map(|us| time(Duration::from_micros(us)));
+        assert_eq!(texts, ["7 us", "45 ms", "1.23 s", "34.6 s"]);
+        assert_eq!(rate(2_500_000, Duration::from_secs(2)), "1.25 M");
+        assert_eq!(rate(0, Duration::ZERO), "0.00 ");
+    }
+}

@@ -1,0 +1,87 @@
+//! What cannot be done is said in a line, with the right exit code.
+
+use crate::kit::{Folder, SCENE};
+
+#[test]
+fn wrong_words_are_usage_errors() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    for line in [
+        "",
+        "paint",
+        "render --builder none",
+        "render --spp 0",
+        "render --spp 2 --time 1",
+        "render --time 0",
+        "render --time nan",
+        "render --size 0x720",
+        "render --size 1280",
+        "render --size 4000000000x4000000000",
+        "render --size 65536x65536",
+        "render --threads 0",
+        "render --aov beauty",
+        "render --camera",
+        "render --camera from=1,2,3",
+        "render --camera from=1,2,3 at=1,2,3",
+        "render --up x",
+        "render --unknown",
+        "render a.obj b.obj",
+        "verify --rays some",
+        "verify --ray o=1,2,3",
+    ] {
+        let run = folder.run(line).ends(2);
+        assert_eq!(run.stdout, "", "{line}");
+        assert_ne!(run.stderr, "", "{line}");
+    }
+    assert_eq!(folder.files(), ["scene.obj"]);
+}
+
+#[test]
+fn help_and_version_are_no_errors() {
+    let folder = Folder::new();
+    for line in ["--help", "--version", "render --help", "help verify"] {
+        assert_ne!(folder.run(line).ends(0).stdout, "", "{line}");
+    }
+}
+
+#[test]
+fn a_missing_scene_is_named() {
+    let folder = Folder::new();
+    for verb in ["render", "inspect", "verify"] {
+        let run = folder.run(&format!("{verb} nothing.ply --json")).ends(1);
+        let json = run.json(verb);
+        assert_eq!(json["exit_code"], 1);
+        let error = json["error"][0].as_str().unwrap();
+        assert!(error.contains("nothing.ply"), "{error}");
+        assert!(run.stderr.starts_with("error: "), "{}", run.stderr);
+        assert!(run.stderr.contains(error), "{}", run.stderr);
+    }
+    assert_eq!(folder.files(), [""; 0]);
+}
+
+#[test]
+fn an_impossible_output_is_refused_before_time_is_spent() {
+    let folder = Folder::new();
+    // Not a scene: that the output is refused first shows that it was checked first.
+    folder.write("scene.obj", "no scene at all");
+    std::fs::create_dir(folder.path("taken.png")).unwrap();
+    for (output, word) in [("missing/out.png", "does not exist"), ("taken.png", "regular file")] {
+        let run = folder.run(&format!("render scene.obj -o {output}")).ends(1);
+        assert!(run.stderr.contains(word), "{output}: {}", run.stderr);
+        assert!(run.stderr.contains(output), "{output}: {}", run.stderr);
+    }
+    assert_eq!(folder.files(), ["scene.obj", "taken.png"]);
+}
+
+#[test]
+fn invalid_triangles_are_an_error_if_asked() {
+    let folder = Folder::new();
+    folder.write("nan.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n");
+    let line = "render nan.obj --size 8x8 --spp 1";
+    let run = folder.run(&format!("{line} --invalid error")).ends(1);
+    assert!(run.stderr.contains("triangle 1"), "{}", run.stderr);
+    assert_eq!(folder.files(), ["nan.obj"]);
+    let run = folder.run(&format!("{line} --json")).ends(0);
+    assert_eq!(run.json("render")["skipped_triangles"], 1);
+    assert!(run.stderr.contains("1 triangle left out"), "{}", run.stderr);
+}

@@ -1,0 +1,92 @@
+//! One announced, timed step of a chore.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+/// Numbers the steps of a chore and stops at the first that fails.
+pub(crate) struct Steps {
+    done: usize,
+    total: usize,
+    started: Instant,
+}
+
+impl Steps {
+    /// A chore of `total` steps.
+    pub(crate) fn new(total: usize) -> Self {
+        Self { done: 0, total, started: Instant::now() }
+    }
+
+    /// Announces `title`, does `work`, says how long it took.
+    pub(crate) fn run(
+        &mut self,
+        title: &str,
+        work: impl FnOnce() -> Result<(), String>,
+    ) -> Result<(), String> {
+        self.done += 1;
+        let place = format!("[{}/{}] {title}", self.done, self.total);
+        eprintln!("\n{place}");
+        let started = Instant::now();
+        let outcome = work();
+        let seconds = started.elapsed().as_secs_f64();
+        match outcome {
+            Ok(()) => eprintln!("{place}: passed in {seconds:.1} s"),
+            Err(reason) => {
+                return Err(format!("{place}: FAILED after {seconds:.1} s: {reason}"));
+            }
+        }
+        Ok(())
+    }
+
+    /// The closing line.
+    pub(crate) fn finish(self) {
+        let seconds = self.started.elapsed().as_secs_f64();
+        eprintln!("\nall {} steps passed in {seconds:.1} s", self.total);
+    }
+}
+
+/// `cargo` with some arguments, run in `root`; its output goes where ours goes.
+pub(crate) fn cargo(root: &Path, arguments: &[&str]) -> Result<(), String> {
+    cargo_with(root, arguments, &[])
+}
+
+/// [`cargo`] with environment variables set.
+pub(crate) fn cargo_with(
+    root: &Path,
+    arguments: &[&str],
+    variables: &[(&str, &str)],
+) -> Result<(), String> {
+    let mut command = cargo_command(root);
+    command.args(arguments).envs(variables.iter().copied());
+    let shown = format!("cargo {}", arguments.join(" "));
+    let shown =
+        variables.iter().fold(shown, |shown, (name, value)| format!("{name}='{value}' {shown}"));
+    eprintln!("  $ {shown}");
+    match command.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(status) => Err(format!("`{shown}` ended with {status}")),
+        Err(error) => Err(format!("`{shown}` could not be started: {error}")),
+    }
+}
+
+/// Whether `cargo <subcommand> --version` works; its output is swallowed.
+pub(crate) fn cargo_has(root: &Path, subcommand: &str) -> bool {
+    let mut command = cargo_command(root);
+    command.args([subcommand, "--version"]).stdout(Stdio::null()).stderr(Stdio::null());
+    command.status().is_ok_and(|status| status.success())
+}
+
+/// The cargo that runs us, without what it set for us alone.
+fn cargo_command(root: &Path) -> Command {
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let mut command = Command::new(cargo);
+    command.current_dir(root);
+    // `cargo run` tells us about xtask's own package; build scripts below must not see that.
+    for (name, _) in std::env::vars_os() {
+        if name.to_str().is_some_and(|name| name.starts_with("CARGO_PKG_")) {
+            command.env_remove(name);
+        }
+    }
+    command.env_remove("CARGO_MANIFEST_DIR").env_remove("CARGO_MANIFEST_PATH");
+    command
+}

@@ -1,0 +1,51 @@
+//! `cargo xtask test`: every check that a change must pass, stopping at the first that fails.
+//!
+//! All steps use the release profile: rays are a hundred times cheaper there, and procedural
+//! macros, dependencies and their metadata are then built once for all steps.
+
+use std::path::Path;
+
+use crate::step::{Steps, cargo, cargo_has, cargo_with};
+use crate::{architecture, setup};
+
+/// Warnings are errors in the API documentation too.
+const DOC_FLAGS: &[(&str, &str)] = &[("RUSTDOCFLAGS", "-D warnings")];
+
+/// Runs every check.
+pub(crate) fn run(root: &Path) -> Result<(), String> {
+    let mut steps = Steps::new(9);
+    steps.run("set-up", || setup::run(root))?;
+    // The checks that need no compiling come first.
+    steps.run("architecture", || architecture::run(root))?;
+    steps.run("formatting", || cargo(root, &["fmt", "--all", "--check"]))?;
+    steps.run("lints", || {
+        let lints = ["clippy", "--workspace", "--all-targets", "--release", "--", "-D", "warnings"];
+        cargo(root, &lints)
+    })?;
+    steps.run("the library without default features", || check(root, "--no-default-features"))?;
+    steps.run("the library with all features", || check(root, "--all-features"))?;
+    steps.run("tests", || tests(root))?;
+    steps.run("documentation tests", || {
+        cargo(root, &["test", "--workspace", "--release", "--doc"])
+    })?;
+    steps.run("documentation", || {
+        cargo_with(root, &["doc", "--workspace", "--no-deps", "--release"], DOC_FLAGS)
+    })?;
+    steps.finish();
+    Ok(())
+}
+
+/// Compiles the library alone under another set of features.
+fn check(root: &Path, features: &str) -> Result<(), String> {
+    cargo(root, &["check", "--package", "treelet", "--release", features])
+}
+
+/// The tests of every crate, by nextest where it is installed.
+fn tests(root: &Path) -> Result<(), String> {
+    if cargo_has(root, "nextest") {
+        cargo(root, &["nextest", "run", "--workspace", "--release"])
+    } else {
+        eprintln!("  cargo-nextest is not installed; `cargo test` does the same, one crate a time");
+        cargo(root, &["test", "--workspace", "--release", "--lib", "--bins", "--tests"])
+    }
+}
