@@ -1,8 +1,8 @@
 //! `.gz` (RFC 1952) and `.zst` (RFC 8878) wrappers, told by their magic bytes.
 //!
 //! Several members or frames one after another are one file, as the command-line tools treat them.
-//! A wrapper inside a wrapper is refused: only bombs are made that way. Cost: measured at about
-//! 0.25 GB/s for zstd and gzip each, unpacked bytes, one core.
+//! A wrapper inside a wrapper is refused: only bombs are made that way. Cost: measured at 0.15 GB/s
+//! (zstd) and 0.4 GB/s (gzip) of unpacked bytes, on one core.
 
 use std::borrow::Cow;
 use std::io::{self, Read};

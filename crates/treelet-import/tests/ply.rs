@@ -129,6 +129,20 @@ fn text_may_end_without_a_line_end() {
 }
 
 #[test]
+fn binary_errors_have_an_offset() {
+    let mut bytes = binary_ply(&SQUARE, &[&[0, 1, 2], &[0, 1, 2, 3]]);
+    let second = bytes.len() - 17;
+    bytes[second] = 200;
+    let want = format!("a.ply: byte {second}: a list of 200 values, with 16 bytes left");
+    check_error("a.ply", &bytes, &want);
+    bytes[second] = 4;
+    bytes.truncate(second);
+    let want = format!("a.ply: byte {second}: the file ends inside an element");
+    // Room for the least row is asked for first, so the other rows must be longer than that.
+    check_error("a.ply", &bytes, &want);
+}
+
+#[test]
 fn what_follows_the_last_element_is_named() {
     let mut bytes = binary_ply(&SQUARE, &[&[0, 1, 2], &[0, 2, 3]]);
     bytes.extend([1, 2, 3]);

@@ -38,7 +38,8 @@ impl Sky {
         // A unit vector: 0.6^2 + 0.64^2 + 0.48^2 = 1.
         direction[up % 3] = 0.6;
         direction[(up + 1) % 3] = 0.64;
-        direction[(up + 2) % 3] = 0.48;
+        // Beside, not behind, the camera of `Camera::framing`: shapes are seen by their shade.
+        direction[(up + 2) % 3] = -0.48;
         Self {
             up: up % 3,
             zenith: [0.26, 0.42, 0.78],

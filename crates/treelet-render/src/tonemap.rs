@@ -18,10 +18,13 @@ pub struct ToneMap {
 
 impl Default for ToneMap {
     fn default() -> Self {
-        Self { exposure: 1.0 }
+        Self { exposure: DAYLIGHT }
     }
 }
 
+/// White paper under [`treelet_model::Sky::clear`] has radiance 1.4; this keeps it off the curve's
+/// shoulder.
+const DAYLIGHT: f32 = 0.7;
 /// Steepness of the curve in log exposure; 1 is Reinhard's, more has more contrast.
 const CONTRAST: f32 = 1.4;
 /// Scene value of a grey card, by convention.
@@ -34,7 +37,9 @@ const LEAK: f32 = 0.06;
 impl ToneMap {
     /// The 8-bit sRGB value of a linear radiance. NaN and negative radiance are black.
     pub fn rgb8(&self, radiance: [f32; 3]) -> [u8; 3] {
-        let exposed = radiance.map(|c| (c * self.exposure).max(0.0).min(f32::MAX));
+        // What is not above 0 is black, NaN included.
+        let shown = |c: f32| if c > 0.0 { c.min(f32::MAX) } else { 0.0 };
+        let exposed = radiance.map(|c| shown(c * self.exposure));
         let mean = exposed[0] / 3.0 + exposed[1] / 3.0 + exposed[2] / 3.0;
         color::mix(exposed, [mean; 3], LEAK).map(|c| srgb8(filmic(c)))
     }

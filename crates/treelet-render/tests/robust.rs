@@ -19,6 +19,32 @@ fn light_is_finite_and_never_negative() {
     assert!(film.sums().as_flattened().iter().sum::<f32>() > 0.0, "and there is some");
 }
 
+/// A scene a million million million times larger or smaller is the same picture: offsets, areas
+/// and densities scale along. By powers of two, so that only they could differ.
+#[test]
+fn size_does_not_matter() {
+    let picture = |exponent: i32| {
+        let size = libm::ldexpf(1.0, exponent);
+        let mut model = box_scene();
+        for placement in &mut model.placements {
+            let scaled = Affine::scaling([size; 3]).then_from(&placement.world_from_object);
+            placement.world_from_object = scaled;
+        }
+        let camera = camera([0.0, 0.0, 3.9 * size], [0.0; 3], 0.69);
+        let (film, rays) = render(&model, &camera, exact(24, 24), 8);
+        assert!(sound(&film), "2^{exponent}");
+        (film.sums().as_flattened().iter().sum::<f32>(), rays)
+    };
+    let (light, rays) = picture(0);
+    assert!(light > 0.0);
+    for exponent in [-60, -20, 20, 60] {
+        let (scaled, scaled_rays) = picture(exponent);
+        assert!((scaled / light - 1.0).abs() < 1e-3, "2^{exponent}: {scaled} instead of {light}");
+        let more = scaled_rays.abs_diff(rays) as f64 / rays as f64;
+        assert!(more < 1e-3, "2^{exponent}: {scaled_rays} rays instead of {rays}");
+    }
+}
+
 /// Factors at and beyond the ends of their ranges, normals that are none, lamps without area.
 #[test]
 fn odd_models_have_pictures() {

@@ -7,7 +7,7 @@
 //! so `geom` tells the material, and a file of one material without normals keeps its vertices.
 //!
 //! The line reader is our own: it works on bytes, knows the line of every error and bounds what it
-//! allocates. Measured: 1 million triangles in 0.2 s.
+//! allocates. Measured: 1 million triangles in 0.35 s, with normals and materials in 0.5 s.
 
 mod mtl;
 mod parts;

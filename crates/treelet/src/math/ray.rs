@@ -5,7 +5,7 @@
 /// `t` is measured in lengths of `direction`, which need not be normalised. A ray that cannot hit
 /// anything is answered as a miss at once: a component that is NaN, an origin or direction that is
 /// infinite, a zero direction, a direction whose largest component is outside
-/// `2^-120 ..= 2^120` (its reciprocal leaves f32), or `t_min > t_max`. See [`Ray::is_valid`].
+/// `2^-100 ..= 2^120`, or `t_min > t_max`. See [`Ray::is_valid`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
 pub struct Ray {
@@ -47,8 +47,11 @@ impl Ray {
     /// Whether the ray can hit anything at all; one that cannot is answered as a miss.
     #[inline]
     pub fn is_valid(&self) -> bool {
-        /// Beyond these the reciprocal of the direction's largest component is no normal f32.
-        const SHORTEST: f32 = f32::from_bits(7 << 23);
+        /// Components from 2^-128 down have an infinite reciprocal, so the slab test takes them for
+        /// zero. At 2^-28 of the longest component that moves no point by more than `u R / 16`
+        /// (`geometry::triangle` has the terms); at 2^-8 rays leaked.
+        const SHORTEST: f32 = f32::from_bits(27 << 23);
+        /// Beyond, the reciprocal of the longest component is no normal f32.
         const LONGEST: f32 = f32::from_bits(247 << 23);
         let [x, y, z] = self.direction.map(f32::abs);
         // Comparisons with NaN are false, so the checks are written to ask for what is good.
@@ -73,9 +76,9 @@ mod tests {
         assert!(good.is_valid());
         assert!(good.from(-5.0).is_valid());
         assert!(good.up_to(0.0).is_valid(), "a closed interval of one point");
-        assert!(Ray::new([0.0; 3], [2f32.powi(-120), 0.0, 0.0]).is_valid());
+        assert!(Ray::new([0.0; 3], [2f32.powi(-100), 0.0, 0.0]).is_valid());
         assert!(Ray::new([0.0; 3], [2f32.powi(120); 3]).is_valid());
-        assert!(!Ray::new([0.0; 3], [2f32.powi(-121), 0.0, 0.0]).is_valid());
+        assert!(!Ray::new([0.0; 3], [2f32.powi(-101), 0.0, 0.0]).is_valid());
         assert!(!Ray::new([0.0; 3], [2f32.powi(121), 0.0, 0.0]).is_valid());
         assert!(!Ray::new([0.0; 3], [0.0; 3]).is_valid());
         for bad in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {

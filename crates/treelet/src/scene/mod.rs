@@ -13,7 +13,7 @@ pub use slices::HitLists;
 
 use crate::bounds::Aabb;
 use crate::geometry::{Hit, Mesh};
-use crate::math::{Affine, Ray, vec3};
+use crate::math::{Affine, Ray};
 use crate::query;
 use crate::trace::Counters;
 use crate::trace::structure::Structure;
@@ -145,13 +145,20 @@ impl Scene {
     /// from which the corners run counter-clockwise. `None` if the hit is not one of this scene, or
     /// the triangle is degenerate.
     pub fn normal(&self, hit: &Hit) -> Option<[f32; 3]> {
-        let [a, b, c] = self.corners(hit)?;
+        let [a, b, c] = self.corners(hit)?.map(|corner| corner.map(f64::from));
         let map = self.world_from_object(hit.inst)?;
-        let (b, c) = (vec3::sub(b, a), vec3::sub(c, a));
+        // In f64 neither the products of tiny edges vanish nor slivers lose their direction.
+        let edge = |to: [f64; 3]| {
+            let [x, y, z] = [to[0] - a[0], to[1] - a[1], to[2] - a[2]];
+            map.0.map(|[m0, m1, m2, _]| f64::from(m0) * x + f64::from(m1) * y + f64::from(m2) * z)
+        };
         // The cross product of the transformed edges is right under any map; mirroring flips it.
-        let cross = vec3::cross(map.vector(b), map.vector(c));
-        let normal = vec3::normalize(cross)?;
-        Some(if map.is_mirroring() { normal.map(|x| -x) } else { normal })
+        let (b, c) = (edge(b), edge(c));
+        let cross =
+            [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let length = libm::sqrt(cross.iter().map(|x| x * x).sum());
+        let side = if map.is_mirroring() { -1.0 } else { 1.0 };
+        (length > 0.0 && length.is_finite()).then(|| cross.map(|x| (side * x / length) as f32))
     }
 
     /// Bytes that queries read: nodes, packed triangles, instances; this level and, once each, the

@@ -43,7 +43,6 @@ pub(crate) struct Geometry {
 }
 
 /// One level: a tree whose leaves hold triangles and instances.
-#[derive(Debug)]
 pub(crate) struct Structure {
     pub(crate) geometries: Vec<Geometry>,
     /// In the caller's order.
@@ -61,6 +60,19 @@ pub(crate) struct Structure {
     pub(crate) slack_f32: SlackF32,
     /// Instance paths, this level's empty path included.
     pub(crate) paths: u64,
+}
+
+/// Numbers only: levels inside may be nested too deeply, and too many, to be written out.
+impl core::fmt::Debug for Structure {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.debug_struct("Structure")
+            .field("geometries", &self.geometries.len())
+            .field("triangles", &self.triangles.len())
+            .field("instances", &self.instances.len())
+            .field("paths", &self.paths)
+            .field("bounds", &self.layout.bounds)
+            .finish()
+    }
 }
 
 /// Frees level by level: scenes may be nested more deeply than the machine's stack is.
