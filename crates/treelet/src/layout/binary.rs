@@ -113,7 +113,7 @@ impl Child {
 }
 
 /// A tree in this layout. What leaves refer to is stored beside it by its owner, in the order of
-/// [`Lowered::triangles`] and [`Lowered::instances`].
+/// `Lowered::triangles` and `Lowered::instances`.
 #[derive(Clone, Debug)]
 pub struct Binary {
     /// All visits; the root need not be one.
