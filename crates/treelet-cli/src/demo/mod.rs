@@ -36,11 +36,11 @@ fn golden_hour() -> Sky {
     let direction = vec3::normalize([-0.80, 0.42, 0.46]).unwrap_or([0.0, 1.0, 0.0]);
     Sky {
         up: 1,
-        zenith: [0.06, 0.18, 0.56],
-        horizon: [0.62, 0.72, 0.90],
-        ground: [0.16, 0.14, 0.10],
-        // Irradiance pi * 0.03^2 * 2100, about 6: several times that of the sky.
-        sun: Some(Sun { direction, angular_radius: 0.03, radiance: [2900.0, 1960.0, 1050.0] }),
+        zenith: [0.08, 0.24, 0.74],
+        horizon: [0.84, 0.95, 1.14],
+        ground: [0.22, 0.19, 0.14],
+        // Irradiance pi * 0.03^2 * 3000, about 8: several times that of the sky.
+        sun: Some(Sun { direction, angular_radius: 0.03, radiance: [4100.0, 2800.0, 1500.0] }),
     }
 }
 
