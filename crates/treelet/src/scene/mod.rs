@@ -154,7 +154,8 @@ impl Scene {
         };
         // The cross product of the transformed edges is right under any map; mirroring flips it.
         let (b, c) = (edge(b), edge(c));
-        let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let cross =
+            [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
         let length = libm::sqrt(cross.iter().map(|x| x * x).sum());
         let side = if map.is_mirroring() { -1.0 } else { 1.0 };
         (length > 0.0 && length.is_finite()).then(|| cross.map(|x| (side * x / length) as f32))
