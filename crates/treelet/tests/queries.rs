@@ -96,6 +96,24 @@ fn of_equal_t_the_smallest_id_wins() {
 }
 
 #[test]
+fn where_t_underflows_every_hit_is_a_tie() {
+    // A scene so small and directions so long that every `t`, and every box's entry, is zero:
+    // pruning must let boxes pass that begin exactly at the closest hit so far.
+    let tiny = awkward::random_triangles(2000, 1e-18, 3e-19);
+    let scene = scene(&tiny);
+    let mut random = Random::new(SEED);
+    let mut hits = 0;
+    for _ in 0..2000 {
+        let origin = [(); 3].map(|()| random.between(-2e-18, 2e-18));
+        let long = random.direction().map(|x| x * 2.0_f32.powi(119));
+        let all = ask(&scene, &Ray::new(origin, long));
+        assert!(all.iter().all(|hit| hit.t == 0.0));
+        hits += all.len();
+    }
+    assert!(hits > 5000, "only {hits} hits");
+}
+
+#[test]
 fn slices_answer_like_single_calls() {
     let scene = mixed();
     let many = verify::rays(&scene, 100_000, SEED);
