@@ -88,7 +88,5 @@ fn cargo_command(root: &Path) -> Command {
         }
     }
     command.env_remove("CARGO_MANIFEST_DIR").env_remove("CARGO_MANIFEST_PATH");
-    // Optimising each of two dozen test programs as a whole takes longer than running them all.
-    command.env("CARGO_PROFILE_RELEASE_LTO", "off");
     command
 }

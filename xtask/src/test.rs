@@ -1,13 +1,16 @@
 //! `cargo xtask test`: every check that a change must pass, stopping at the first that fails.
 //!
-//! All steps use the release profile: rays are a hundred times cheaper there, and procedural
-//! macros, dependencies and their metadata are then built once for all steps. Optimisation across
-//! crates (`lto`) is off, though: done anew for every test program, it is most of the time.
+//! All steps use the profile `checked`, release with assertions: rays are a hundred times cheaper
+//! than unoptimised, and procedural macros, dependencies and their metadata are built once for all
+//! steps.
 
 use std::path::Path;
 
 use crate::step::{Steps, cargo, cargo_has, cargo_with};
 use crate::{architecture, setup};
+
+/// The profile of every step, as Cargo's options name it.
+const PROFILE: &str = "--profile=checked";
 
 /// Warnings are errors in the API documentation too.
 const DOC_FLAGS: &[(&str, &str)] = &[("RUSTDOCFLAGS", "-D warnings")];
@@ -20,17 +23,15 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
     steps.run("architecture", || architecture::run(root))?;
     steps.run("formatting", || cargo(root, &["fmt", "--all", "--check"]))?;
     steps.run("lints", || {
-        let lints = ["clippy", "--workspace", "--all-targets", "--release", "--", "-D", "warnings"];
+        let lints = ["clippy", "--workspace", "--all-targets", PROFILE, "--", "-D", "warnings"];
         cargo(root, &lints)
     })?;
     steps.run("the library without default features", || check(root, "--no-default-features"))?;
     steps.run("the library with all features", || check(root, "--all-features"))?;
     steps.run("tests", || tests(root))?;
-    steps.run("documentation tests", || {
-        cargo(root, &["test", "--workspace", "--release", "--doc"])
-    })?;
+    steps.run("documentation tests", || cargo(root, &["test", "--workspace", PROFILE, "--doc"]))?;
     steps.run("documentation", || {
-        cargo_with(root, &["doc", "--workspace", "--no-deps", "--release"], DOC_FLAGS)
+        cargo_with(root, &["doc", "--workspace", "--no-deps", PROFILE], DOC_FLAGS)
     })?;
     steps.finish();
     Ok(())
@@ -38,15 +39,15 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
 
 /// Compiles the library alone under another set of features.
 fn check(root: &Path, features: &str) -> Result<(), String> {
-    cargo(root, &["check", "--package", "treelet", "--release", features])
+    cargo(root, &["check", "--package", "treelet", PROFILE, features])
 }
 
 /// The tests of every crate, by nextest where it is installed.
 fn tests(root: &Path) -> Result<(), String> {
     if cargo_has(root, "nextest") {
-        cargo(root, &["nextest", "run", "--workspace", "--release"])
+        cargo(root, &["nextest", "run", "--workspace", "--cargo-profile=checked"])
     } else {
         eprintln!("  cargo-nextest is not installed; `cargo test` does the same, one crate a time");
-        cargo(root, &["test", "--workspace", "--release", "--lib", "--bins", "--tests"])
+        cargo(root, &["test", "--workspace", PROFILE, "--lib", "--bins", "--tests"])
     }
 }
