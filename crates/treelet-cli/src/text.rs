@@ -17,7 +17,12 @@ pub(crate) fn count(number: u64) -> String {
 
 /// `1 thing`, `2 things`.
 pub(crate) fn things(number: u64, thing: &str) -> String {
-    format!("{} {thing}{}", count(number), if number == 1 { "" } else { "s" })
+    let plural = match thing {
+        "vertex" => "vertices".to_owned(),
+        thing if thing.ends_with('s') => format!("{thing}es"),
+        thing => format!("{thing}s"),
+    };
+    format!("{} {}", count(number), if number == 1 { thing } else { &plural })
 }
 
 /// A time with three or so digits.

@@ -217,7 +217,7 @@ fn tell(report: &Report) {
     say(&format!(
         "  {} stored with {}, {} placed",
         text::things(report.triangles_stored, "triangle"),
-        text::things(report.vertices, "vertice").replace("vertice ", "vertex "),
+        text::things(report.vertices, "vertex"),
         count(report.triangles_placed),
     ));
     match report.bounds {

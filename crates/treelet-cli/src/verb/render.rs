@@ -66,6 +66,14 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
 
+    /// Brighter or darker, in stops: 1 doubles, -1 halves.
+    #[arg(long, value_name = "STOPS", default_value_t = 0.0, allow_negative_numbers = true, value_parser = stops)]
+    exposure: f32,
+
+    /// Neither cut fireflies off nor soften caustics: noisier, and right in the end.
+    #[arg(long)]
+    exact: bool,
+
     /// More pictures of what rays found and did, beside the first: normal, depth, visits, tests.
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = aov_names())]
     aov: Vec<String>,
@@ -91,6 +99,9 @@ struct Report {
     up: &'static str,
     seed: u64,
     bounces: u32,
+    exposure: f32,
+    /// Whether fireflies were kept and caustics left hard.
+    exact: bool,
     threads: usize,
     builder: &'static str,
     triangles_stored: u64,
@@ -145,6 +156,11 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "a number of seconds above 0 is needed".into())
 }
 
+fn stops(text: &str) -> Result<f32, String> {
+    let stops = text.parse().ok().filter(|stops| (-30.0..=30.0).contains(stops));
+    stops.ok_or_else(|| "a number of stops from -30 to 30 is needed".into())
+}
+
 /// How many passes to make.
 #[derive(Clone, Copy, Debug)]
 enum Goal {
@@ -178,7 +194,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         max_bounces: flags.bounces,
         seed: flags.seed,
         up: input.up,
-        ..Settings::default()
+        ..if flags.exact { Settings::exact() } else { Settings::default() }
     };
     let renderer = Renderer::new(&input.model, &placed, &camera, settings)?;
     let goal = match flags.spp {
@@ -186,7 +202,8 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         None => Goal::Time(Duration::from_secs_f64(flags.time.unwrap_or(TIME))),
     };
     let mut film = renderer.film()?;
-    let made = make_passes(&renderer, &mut film, goal, &output, session)?;
+    let picture = Picture { output: &output, tone: tone_map(flags.exposure) };
+    let made = make_passes(&renderer, &mut film, goal, &picture, session)?;
     let cancelled = session.cancel.is_cancelled();
     let layers = if cancelled { Vec::new() } else { write_layers(&renderer, layers, session)? };
 
@@ -203,6 +220,8 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         up: ["x", "y", "z"][input.up],
         seed: flags.seed,
         bounces: flags.bounces,
+        exposure: flags.exposure,
+        exact: flags.exact,
         threads: session.threads,
         builder: options.builder.info().name,
         triangles_stored: input.model.triangles_stored(),
@@ -235,6 +254,24 @@ fn choose_camera(flags: &Flags, input: &Input, placed: &PlacedModel) -> Result<C
     Ok(input.model.cameras.first().cloned().unwrap_or_else(framing))
 }
 
+/// Where the film goes, and how it is shown.
+struct Picture<'a> {
+    output: &'a Output,
+    tone: ToneMap,
+}
+
+impl Picture<'_> {
+    /// Replaces the file by the film as it is now, whole.
+    fn write(&self, film: &Film) -> Result<(), Failure> {
+        Ok(self.output.replace(&film.to_image(&self.tone)?.encode_png()?)?)
+    }
+}
+
+/// The usual curve, so many stops brighter.
+fn tone_map(stops: f32) -> ToneMap {
+    ToneMap { exposure: ToneMap::default().exposure * libm::exp2f(stops) }
+}
+
 /// What the passes took.
 struct Made {
     rays: u64,
@@ -247,7 +284,7 @@ fn make_passes(
     renderer: &Renderer<'_>,
     film: &mut Film,
     goal: Goal,
-    output: &Output,
+    picture: &Picture<'_>,
     session: &Session,
 ) -> Result<Made, Failure> {
     let line = match goal {
@@ -266,9 +303,9 @@ fn make_passes(
         }
         made.time = start.elapsed();
         if written == 0 || write_time.elapsed() >= WRITE_EVERY {
-            output.replace(&film.to_image(&ToneMap::default())?.encode_png()?)?;
+            picture.write(film)?;
             if written == 0 {
-                line.say(&format!("first pass in {}", output.path().display()));
+                line.say(&format!("first pass in {}", picture.output.path().display()));
             }
             (written, write_time) = (film.passes(), Instant::now());
         }
@@ -289,7 +326,7 @@ fn make_passes(
         }
     }
     if written != film.passes() {
-        output.replace(&film.to_image(&ToneMap::default())?.encode_png()?)?;
+        picture.write(film)?;
     }
     Ok(made)
 }
@@ -312,7 +349,7 @@ fn tell(report: &Report, made: &Made, goal: Goal) {
     let Report { output, width, height, passes, .. } = report;
     say(&format!(
         "{output}: {width}x{height}, {}, {} in {} ({}rays/s)",
-        text::things((*passes).into(), "pass").replace("passs", "passes"),
+        text::things((*passes).into(), "pass"),
         text::things(made.rays, "ray"),
         text::time(made.time),
         text::rate(made.rays, made.time)
@@ -323,7 +360,10 @@ fn tell(report: &Report, made: &Made, goal: Goal) {
     if report.cancelled {
         say(&format!("cancelled; the picture is that of --spp {passes}"));
     } else if let Goal::Time(_) = goal {
-        say(&format!("the same picture: --spp {passes}; a cleaner one: --spp {}", 4 * passes));
+        if !report.exact {
+            say("fireflies are cut off and caustics softened; --exact does neither");
+        }
+        say(&format!("the same picture: --spp {passes}; a cleaner one: --spp {}", passes.saturating_mul(4)));
     }
 }
 
