@@ -51,7 +51,7 @@ fn the_same_tree_for_any_number_of_threads() {
         ("a grid", boxes(&awkward::coplanar_grid(300))),
         ("a sphere", boxes(&closed::sphere(400, 200))),
     ];
-    scenes.extend(awkward::all(40_000).into_iter().map(|s| (s.name, boxes(&s.shape))));
+    scenes.extend(awkward::all(20_000).into_iter().map(|s| (s.name, boxes(&s.shape))));
     let pools = [1, 2, 7].map(pool);
     for (name, bounds) in &scenes {
         for &builder in build::ALL {
