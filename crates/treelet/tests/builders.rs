@@ -48,7 +48,7 @@ fn same(a: &Tree, b: &Tree) -> bool {
 fn the_same_tree_for_any_number_of_threads() {
     // Below 16,384 primitives a build is one task: only larger ones tell.
     let scenes = [
-        ("150,000 random boxes", random_boxes(150_000)),
+        ("400,000 random boxes", random_boxes(400_000)),
         ("a grid", boxes(&awkward::coplanar_grid(200))),
         ("equal boxes", vec![random_boxes(1)[0]; 60_000]),
         ("lopsided boxes", lopsided(60_000)),
