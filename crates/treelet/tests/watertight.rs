@@ -126,7 +126,7 @@ fn awry() -> Affine {
 
 #[test]
 fn at_the_origin() {
-    sphere().hold(1_500_000);
+    sphere().hold(1_000_000);
     (0..3).for_each(|seed| star(seed).hold(500_000));
 }
 
@@ -139,7 +139,7 @@ fn far_from_the_origin() {
     ] {
         let mut far = Closed::new(name, &shape.mapped(closed::far_away), inside);
         far.world_from_object = Affine::translation(closed::far_away([0.0; 3]));
-        far.hold(1_000_000);
+        far.hold(750_000);
     }
     // Moved there as an instance.
     let there = Affine::translation(closed::far_away([0.0; 3]));
@@ -149,7 +149,7 @@ fn far_from_the_origin() {
 
 #[test]
 fn through_instances() {
-    sphere().placed("awry", awry()).hold(1_000_000);
+    sphere().placed("awry", awry()).hold(500_000);
     star(1).placed("awry", awry()).hold(500_000);
     let shear = Affine([[1.0, 0.7, -0.2, 4.0], [0.0, 1.0, 1.5, -3.0], [0.1, 0.0, -1.0, 9.0]]);
     star(2).placed("awry", awry()).placed("sheared", shear).hold(250_000);
@@ -181,7 +181,7 @@ fn through_random_instances() {
                 .then_from(&Affine::rotation(random.direction(), random.between(0.0, 6.0)));
             closed = closed.placed(&format!("level {level} of random placement {seed}"), map);
         }
-        closed.hold(10_000);
+        closed.hold(5_000);
     }
 }
 
@@ -196,9 +196,9 @@ fn at_every_scale() {
             let small = shape.mapped(|p| scaled.point(p));
             let mut closed = Closed::new(&format!("{name} scaled by {scale}"), &small, inside);
             closed.world_from_object = scaled;
-            closed.hold(100_000);
+            closed.hold(50_000);
         }
-        sphere().placed(&format!("scaled by {scale}"), scaled).hold(50_000);
+        sphere().placed(&format!("scaled by {scale}"), scaled).hold(25_000);
     }
 }
 
