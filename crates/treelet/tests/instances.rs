@@ -2,7 +2,9 @@
 //! depth-first order, and nothing that is nested too deeply or placed nowhere does harm.
 
 use treelet::verify::{self, BruteForce, Random};
-use treelet::{Affine, BuildOptions, Hit, Invalid, Mesh, Ray, Scene, SceneBuilder, SceneError};
+use treelet::{
+    Affine, BuildOptions, Counters, Hit, Invalid, Mesh, Ray, Scene, SceneBuilder, SceneError,
+};
 use treelet::{build, scene::InstanceDefect};
 use treelet_testkit::{Shape, awkward, closed};
 
@@ -429,4 +431,38 @@ fn too_many_paths_is_an_error() {
     // 2^63 copies are told apart, and a picture of the scene in words is short.
     let text = format!("{scene:?}");
     assert!(text.len() < 10_000, "{} characters", text.len());
+}
+
+/// Culling must not suffer for a neighbour's matrix: a board among cubes costs its own visit only.
+#[test]
+fn one_thin_board_does_not_switch_culling_off() {
+    let cube = of(&closed::cube());
+    let crowd = || {
+        (0..1000_u32).fold(Scene::builder(), |crowd, i| {
+            let at = [i % 10, i / 10 % 10, i / 100].map(|c| 3.0 * c as f32);
+            crowd.instance(&cube, Affine::translation(at))
+        })
+    };
+    let mut random = Random::new(SEED);
+    let rays: Vec<Ray> = (0..500)
+        .map(|_| {
+            let origin = [(); 3].map(|()| random.between(-20.0, 50.0));
+            Ray::new(origin, random.direction())
+        })
+        .collect();
+    let work = |scene: &Scene| {
+        let mut counters = Counters::default();
+        for ray in &rays {
+            let _ = scene.closest_counted(ray, &mut counters);
+        }
+        counters.nodes + counters.instances
+    };
+    let plain = work(&built(crowd().instance(&cube, Affine::translation([10.0, 10.0, -2.0]))));
+    for thickness in [1e-2, 1e-3, 1e-4] {
+        let board = Affine::translation([-10.0, -10.0, -2.0])
+            .then_from(&Affine::scaling([50.0, 50.0, thickness]));
+        let with_board = work(&built(crowd().instance(&cube, board)));
+        // The board itself is larger than a cube, so some rays do meet it.
+        assert!(with_board < 2 * plain, "thickness {thickness}: {with_board} against {plain}");
+    }
 }

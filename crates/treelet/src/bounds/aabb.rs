@@ -78,6 +78,15 @@ impl Aabb {
         far(0).max(far(1)).max(far(2))
     }
 
+    /// The box with every face moved outward by `by >= 0`, rounded outward; an empty one stays so.
+    #[must_use]
+    pub fn widened(&self, by: f32) -> Self {
+        if self.is_empty() {
+            return *self;
+        }
+        Self { lo: self.lo.map(|x| (x - by).next_down()), hi: self.hi.map(|x| (x + by).next_up()) }
+    }
+
     /// The length of the diagonal; 0 if empty.
     pub fn diagonal(&self) -> f64 {
         let [x, y, z] = self.extent().map(f64::from);

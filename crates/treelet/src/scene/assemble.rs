@@ -1,18 +1,17 @@
 //! From meshes and instances to a level that can be walked: check, box, build, lower, pack.
 
-use super::builder::{BuildOptions, Invalid, Placed, SceneBuilder};
+use super::builder::{BuildOptions, Invalid, SceneBuilder};
+use super::place::{Placements, place_instances};
 use super::report::{BuildReport, Skipped};
-use super::{InstanceDefect, Scene, SceneError};
+use super::{Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
 use crate::context::{Cancelled, parallel};
-use crate::geometry::mesh::{COORDINATE_MAX, Defect, Mesh};
+use crate::geometry::mesh::{Defect, Mesh};
 use crate::geometry::triangle;
 use crate::layout::binary::{self, Lowered, Node2};
-use crate::math::affine;
 use crate::memory;
-use crate::trace::slack::Slack;
 use crate::trace::structure::{Geometry, Instance, PackedTriangle, Structure};
 use crate::tree::{Kind, PRIMS_MAX, Tree};
 use alloc::sync::Arc;
@@ -33,13 +32,16 @@ pub(super) fn assemble(
     let mut report = BuildReport { builder: options.builder.info().name, ..Default::default() };
 
     // Check and box what the leaves will hold: triangles first, then instances.
-    let mut prims = Prims::default();
+    let mut prims =
+        Prims { meshes: Aabb::EMPTY, bounds: Vec::new(), names: Vec::new(), instances: Vec::new() };
     for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
         add_triangles(geom, mesh, options, &mut prims, &mut report)?;
     }
     let triangles = prims.names.len();
-    let instances = place_instances(description.instances, options, &mut report)?;
-    let placed = instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds.is_empty());
+    let meshes = prims.meshes;
+    let placements = place_instances(description.instances, meshes, options, &mut report)?;
+    let placed =
+        placements.instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds.is_empty());
     for (instance, index) in placed {
         prims.bounds.push(instance.bounds);
         prims.instances.push(index);
@@ -53,15 +55,16 @@ pub(super) fn assemble(
     report.triangles = triangles as u64;
     report.instances = prims.instances.len() as u64;
     let lowered = binary::lower(&tree, &prims.bounds, triangles, &options.context.cancel)?;
-    let structure = finish(description.meshes, instances, &prims, &tree, lowered, options)?;
+    let structure = finish(description.meshes, placements, &prims, &tree, lowered, options)?;
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();
     Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
 }
 
 /// What the tree is built over.
-#[derive(Default)]
 struct Prims {
+    /// Around all triangles.
+    meshes: Aabb,
     bounds: Vec<Aabb>,
     /// `(geom, prim)` of the triangles.
     names: Vec<(u32, u32)>,
@@ -104,6 +107,7 @@ fn add_triangles(
         {
             return Err(SceneError::Triangle { geom, prim, defect });
         }
+        prims.meshes = chunk.bounds.iter().fold(prims.meshes, |all, bounds| all.union(bounds));
         prims.bounds.extend(chunk.bounds);
         prims.names.extend(chunk.prims.into_iter().map(|prim| (geom as u32, prim)));
         report.degenerate += chunk.degenerate;
@@ -147,98 +151,10 @@ fn check(geom: usize, mesh: &Mesh, range: core::ops::Range<usize>) -> Checked {
     out
 }
 
-/// Checks, ranks and boxes the instances. A skipped one keeps its number and an empty box.
-fn place_instances(
-    placed: Vec<Placed>,
-    options: &BuildOptions<'_>,
-    report: &mut BuildReport,
-) -> Result<Vec<Instance>, SceneError> {
-    let located = parallel::map(placed, |placed| {
-        options.context.cancel.check()?;
-        let place = locate(&placed);
-        Ok((placed, place))
-    });
-    let mut instances = memory::try_with_capacity(located.len(), "instances")?;
-    let mut rank = 1_u64;
-    for (index, placed) in located.into_iter().enumerate() {
-        let placed: Result<_, Cancelled> = placed;
-        let (Placed { structure, world_from_object, mask }, place) = placed?;
-        let place = match (place, options.invalid) {
-            (Ok(place), _) => place,
-            (Err(defect), Invalid::Error) => {
-                return Err(SceneError::Instance { instance: index, defect });
-            }
-            (Err(defect), Invalid::Skip) => {
-                report.skipped.instances += 1;
-                let first = &mut report.skipped.first_instance;
-                *first = first.or(Some((index, defect)));
-                Place::NOWHERE
-            }
-        };
-        report.empty_instances += u64::from(structure.layout.bounds.is_empty());
-        let paths = structure.paths;
-        let Place { object_from_world, bounds, reach } = place;
-        instances.push(Instance {
-            structure,
-            world_from_object,
-            object_from_world,
-            bounds,
-            reach,
-            rank,
-            mask,
-        });
-        rank = rank.checked_add(paths).ok_or(SceneError::TooManyPaths)?;
-    }
-    Ok(instances)
-}
-
-/// Where an instance is.
-struct Place {
-    object_from_world: affine::Affine,
-    bounds: Aabb,
-    reach: Aabb,
-}
-
-impl Place {
-    const NOWHERE: Self = Self {
-        object_from_world: affine::Affine::IDENTITY,
-        bounds: Aabb::EMPTY,
-        reach: Aabb::EMPTY,
-    };
-}
-
-fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
-    let rows = placed.world_from_object.0;
-    if !placed.world_from_object.is_finite() {
-        return Err(InstanceDefect::NotFinite { rows });
-    }
-    let singular = InstanceDefect::Singular { rows };
-    let object_from_world = placed.world_from_object.inverse().ok_or(singular)?;
-    // Rays see the object through the rounded inverse, so its boxes are those of the inverse's
-    // exact inverse.
-    let exact = object_from_world.inverse_f64().ok_or(singular)?;
-    let image = |bounds: &Aabb| {
-        let (lo, hi) = affine::box_image(&exact, bounds.lo, bounds.hi);
-        Aabb { lo, hi }
-    };
-    if placed.structure.layout.bounds.is_empty() {
-        return Ok(Place { object_from_world, ..Place::NOWHERE });
-    }
-    let bounds = placed.structure.cover.iter().map(image).fold(Aabb::EMPTY, |a, b| a.union(&b));
-    let reach = image(&placed.structure.reach).union(&bounds);
-    let near = reach.lo.iter().chain(&reach.hi).all(|x| x.abs() <= COORDINATE_MAX);
-    let Aabb { lo, hi } = reach;
-    if near {
-        Ok(Place { object_from_world, bounds, reach })
-    } else {
-        Err(InstanceDefect::TooFar { lo, hi })
-    }
-}
-
 /// Packs the leaves' contents and derives what walks need to know about the level.
 fn finish(
     meshes: Vec<(Mesh, u32)>,
-    instances: Vec<Instance>,
+    placements: Placements,
     prims: &Prims,
     tree: &Tree,
     lowered: Lowered,
@@ -247,17 +163,7 @@ fn finish(
     let triangles = pack(&meshes, prims, &lowered.triangles, options)?;
     let leaf_instances = lowered.instances.iter().map(|&at| prims.instances[at as usize]).collect();
 
-    let bounds = tree.bounds();
-    let reach = instances.iter().fold(bounds, |reach, instance| reach.union(&instance.reach));
-    let mut slack = Slack::TRIANGLES;
-    for instance in instances.iter().filter(|instance| !instance.bounds.is_empty()) {
-        // `locate` found it regular.
-        let Some(exact) = instance.object_from_world.inverse_f64() else { continue };
-        let inner = instance.structure.slack;
-        let coordinate_max = f64::from(reach.max_abs());
-        slack = slack.max(&inner.through(&instance.object_from_world, &exact, coordinate_max));
-    }
-    let last = instances.last().map_or(Some(1), |last| last.rank.checked_add(last.structure.paths));
+    let Placements { instances, reach, slack, paths } = placements;
     Ok(Structure {
         geometries: meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect(),
         instances,
@@ -267,8 +173,7 @@ fn finish(
         cover: cover(tree),
         reach,
         slack,
-        slack_f32: slack.rounded(),
-        paths: last.ok_or(SceneError::TooManyPaths)?,
+        paths,
     })
 }
 

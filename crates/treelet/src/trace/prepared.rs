@@ -46,7 +46,7 @@ impl Prepared {
         clip: Interval,
         structure: &Structure,
     ) -> Self {
-        let slack = structure.slack_f32.at(origin, &structure.reach);
+        let slack = structure.slack.at(origin, &structure.reach);
         Self {
             origin,
             direction,

@@ -1,83 +1,134 @@
-//! How much wider than they are the boxes of a level count, so that instances leak no more than
-//! their vertices do.
+//! How much wider than they are boxes count, so that instances leak no more than their vertices do.
+//!
+//! # Triangles
 //!
 //! A level of triangles needs `16 u R(o)`: derived in [`crate::geometry::triangle`], with
 //! `u = 2^-24`, `o` the ray's origin and `R(o)` the largest distance per axis from `o` to a corner
-//! of the level's `reach` (the box around all of it). In general the widening is
+//! of the level's `reach` (the box around all of it).
 //!
-//! `slack(o) = u (a R(o) + b |o| + c)`, all norms being the largest absolute component.
+//! # Instances
 //!
-//! For a level with instances, let `A p + b0` be `object_from_world` as the walk applies it,
-//! `m = |A|`, `n = |A^-1|` (largest absolute row sums), `W` the largest absolute coordinate of the
-//! level's reach, and `(a', b', c')` the constants of the level inside.
+//! Let `A p + b` be `object_from_world` as the walk applies it, `m = |A|`, `n = |A^-1|` (largest
+//! absolute row sums), `K` that of the product of absolute values `|A^-1| |A|`, `v` the largest
+//! component of `|A^-1| |b|`, and `W` the largest absolute coordinate of the outer level's reach, so
+//! that `|o| <= W + R`. Primes are the inner level's.
 //!
-//! - A hit in there is accepted within `slack'(o')` of a box in there, plus what the slab test
-//!   rounds: `s' = u ((a' + 4) R' + (b' + 4) |o'| + c')`.
-//! - `o' = A o + b0` and `d' = A d` are rounded: `|e1| <= 4 u (m |o| + |b0|)`,
-//!   `|e2| <= 3 u m |d|`. At a hit `t |d| <= |p| + |o| <= W + |o|`. So the world point is off by at
-//!   most `n (|e1| + t |e2|) <= 4 u n (2 m |o| + m W + |b0|)`.
-//! - Seen from outside, `n s'` with `R' <= m R(o)` (the reach contains the images of the corners
-//!   of the reach inside) and `|o'| <= m |o| + |b0|`.
-//! - The level's own slab test rounds `3 u R(o)`; 4 are taken.
+//! - A hit inside is accepted within `s'` of a box inside: that level's own slack, and what its slab
+//!   test rounds, `u (4 R' + 4 |o'|)`.
+//! - `o' = A o + b` and `d' = A d` are rounded: `|e1| <= 4 u (|A| |o| + |b|)`, `|e2| <= 3 u |A| |d|`
+//!   per component. At a hit `t |d| <= |p| + |o|`. So the point seen from outside is off by at most
+//!   `|A^-1| (|e1| + t |e2|) <= 4 u (K (2 |o| + W) + v) <= 4 u (K (2 R + 3 W) + v)`. `K` is small for
+//!   any rotation and scaling, however uneven.
+//! - Seen from outside, `s'` is at most `n s'`, with `R' <= m R` (the reach contains the images of
+//!   the corners of the reach inside).
 //!
-//! The sum, collected by `R(o)`, `|o|` and the rest, is what [`Slack::through`] computes. A level
-//! takes the largest constants of all its instances, so one badly conditioned matrix makes boxes
-//! of its level less tight, never wrong.
+//! # Where the widening goes
+//!
+//! The sum grows with `R(o)`, by a factor `n m` that an uneven scaling makes large: 1000 for a board
+//! a thousandth as thick as wide. If all boxes of the level took that, one board would switch
+//! culling off for the whole level (measured: 596 nodes a ray instead of 7). So each *instance's own
+//! box* is widened when the scene is built, by what near rays need; only what rays from farther away
+//! need on top is added for the level as a whole, while a ray is prepared: [`Slack::at`].
+//!
+//! Near is what starts within `NEAR_REACHES` times the level's size. But a level with instances has
+//! its own idea of near, which the level outside keeps, or the far share of every level would go
+//! into the boxes of the next: a chain of 100,000 translated levels grew without bound that way.
 
 use crate::bounds::Aabb;
 use crate::geometry::triangle::{SLACK, UNIT_ROUNDOFF};
 use crate::math::{Affine, vec3};
 
-/// The constants `(a, b, c)` of a level.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Rays from within this many times the longest edge of a level's box are near.
+const NEAR_REACHES: f64 = 4.0;
+
+/// What a slab test rounds, in units of `u` times the reach and times the origin. Derived above.
+const SLAB_ROUNDING: f64 = 4.0;
+
+/// Static widenings take this much more, for the roundings of the sums themselves.
+const MARGIN: f64 = 1.01;
+
+/// The largest `R(o)` that is near, and the largest absolute coordinate.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Near {
+    reach: f64,
+    coordinate_max: f64,
+}
+
+impl Near {
+    /// Of a level with this reach, whose instances are not looked at yet.
+    pub(crate) fn of(reach: &Aabb) -> Self {
+        Self {
+            reach: NEAR_REACHES * f64::from(vec3::max_abs(reach.extent())),
+            coordinate_max: f64::from(reach.max_abs()),
+        }
+    }
+
+    /// Keeps the idea of near of a level inside.
+    #[must_use]
+    pub(crate) fn within(self, inner: &Slack, object_from_world: &Affine) -> Self {
+        if inner.far_share == 0.0 {
+            return self;
+        }
+        let m = row_sum(&object_from_world.0.map(|row| row.map(f64::from)));
+        Self { reach: self.reach.min(inner.near.reach / m), ..self }
+    }
+}
+
+/// How much wider boxes of a level count, in units of `u`: `SLACK R`, and `far_share` times what
+/// `R` exceeds the near.
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Slack {
-    reach_share: f64,
-    origin_share: f64,
-    fixed: f64,
+    near: Near,
+    far_share: f64,
 }
 
 impl Slack {
-    /// Of a level of triangles.
-    pub(crate) const TRIANGLES: Self =
-        Self { reach_share: SLACK as f64, origin_share: 0.0, fixed: 0.0 };
+    /// Of a level without instances.
+    pub(crate) fn new(near: Near) -> Self {
+        Self { near, far_share: 0.0 }
+    }
 
-    /// Of a level that sees a level with this slack through `object_from_world`, whose inverse has
-    /// the linear part `world_from_object`; `coordinate_max` is `W`.
-    pub(crate) fn through(
-        &self,
+    /// Takes in an instance of a level with slack `inner`; returns by how much its own box is to be
+    /// widened.
+    pub(crate) fn include(
+        &mut self,
+        inner: &Self,
         object_from_world: &Affine,
         world_from_object: &[[f64; 4]; 3],
-        coordinate_max: f64,
-    ) -> Self {
-        let m = row_sum(&object_from_world.0.map(|row| row.map(f64::from)));
-        let n = row_sum(world_from_object);
-        let b0 = object_from_world.0.iter().map(|row| f64::from(row[3].abs())).fold(0.0, f64::max);
-        Self {
-            reach_share: n * m * (self.reach_share + 4.0) + 4.0,
-            origin_share: n * m * (self.origin_share + 4.0 + 8.0),
-            fixed: n * ((self.origin_share + 4.0) * b0 + self.fixed)
-                + 4.0 * n * (m * coordinate_max + b0),
-        }
+    ) -> f32 {
+        let a = object_from_world.0.map(|row| row.map(f64::from));
+        let [m, n] = [row_sum(&a), row_sum(world_from_object)];
+        let (k, v) = absolute_products(world_from_object, &a);
+        let Near { reach, coordinate_max } = self.near;
+
+        let inside = n * inner.accepted_within(m * reach);
+        let moving = 4.0 * (k * (2.0 * reach + 3.0 * coordinate_max) + v);
+        let far_share =
+            n * m * (f64::from(SLACK) + 2.0 * SLAB_ROUNDING + inner.far_share) + 8.0 * k;
+        self.far_share = self.far_share.max(far_share);
+        crate::math::rounding::up(MARGIN * f64::from(UNIT_ROUNDOFF) * (inside + moving))
     }
 
-    /// What serves both.
-    pub(crate) fn max(&self, other: &Self) -> Self {
-        Self {
-            reach_share: self.reach_share.max(other.reach_share),
-            origin_share: self.origin_share.max(other.origin_share),
-            fixed: self.fixed.max(other.fixed),
-        }
+    /// How far outside its box, in units of `u`, a hit of this level may be accepted.
+    fn accepted_within(&self, reach: f64) -> f64 {
+        f64::from(SLACK) * reach
+            + SLAB_ROUNDING * (2.0 * reach + self.near.coordinate_max)
+            + self.far_share * (reach - self.near.reach).max(0.0)
     }
 
-    /// As the walk uses it.
-    pub(crate) fn rounded(&self) -> SlackF32 {
-        let u = f64::from(UNIT_ROUNDOFF);
-        let up = |x: f64| crate::math::rounding::up(x * u);
-        SlackF32 {
-            reach_share: up(self.reach_share),
-            origin_share: up(self.origin_share),
-            fixed: up(self.fixed),
+    /// The widening of the level's boxes for rays from `origin`. The few roundings here are far
+    /// below the margin that the derivation leaves (16 taken where 9 are needed).
+    #[inline]
+    pub(crate) fn at(&self, origin: [f32; 3], reach: &Aabb) -> f32 {
+        let to_lo = vec3::max_abs(vec3::sub(reach.lo, origin));
+        let to_hi = vec3::max_abs(vec3::sub(reach.hi, origin));
+        let distance = to_lo.max(to_hi);
+        let near = UNIT_ROUNDOFF * SLACK * distance;
+        let beyond = f64::from(distance) - self.near.reach;
+        if self.far_share == 0.0 || beyond <= 0.0 {
+            return near;
         }
+        near + crate::math::rounding::up(f64::from(UNIT_ROUNDOFF) * self.far_share * beyond)
     }
 }
 
@@ -86,21 +137,16 @@ fn row_sum(map: &[[f64; 4]; 3]) -> f64 {
     map.iter().map(|[a, b, c, _]| a.abs() + b.abs() + c.abs()).fold(0.0, f64::max)
 }
 
-/// `u` times the constants, rounded up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SlackF32 {
-    reach_share: f32,
-    origin_share: f32,
-    fixed: f32,
-}
-
-impl SlackF32 {
-    /// The widening for rays from `origin`. The few roundings here are far below the margin that
-    /// the derivation leaves (16 taken where 9 are needed).
-    #[inline]
-    pub(crate) fn at(&self, origin: [f32; 3], reach: &Aabb) -> f32 {
-        let to_lo = vec3::max_abs(vec3::sub(reach.lo, origin));
-        let to_hi = vec3::max_abs(vec3::sub(reach.hi, origin));
-        self.reach_share * to_lo.max(to_hi) + self.origin_share * vec3::max_abs(origin) + self.fixed
+/// `K` and `v` of the module's head: the largest row sum of `|back| |there|`, and the largest
+/// component of `|back|` times the absolute offset of `there`.
+fn absolute_products(back: &[[f64; 4]; 3], there: &[[f64; 4]; 3]) -> (f64, f64) {
+    let (mut k, mut v) = (0.0_f64, 0.0_f64);
+    for row in back {
+        let through = |column: usize| -> f64 {
+            (0..3).map(|middle| row[middle].abs() * there[middle][column].abs()).sum()
+        };
+        k = k.max(through(0) + through(1) + through(2));
+        v = v.max(through(3));
     }
+    (k, v)
 }

@@ -1,6 +1,6 @@
 //! What a walk walks: one level of a scene, with the levels that its instances lead to.
 
-use super::slack::{Slack, SlackF32};
+use super::slack::Slack;
 use crate::bounds::Aabb;
 use crate::geometry::Mesh;
 use crate::layout::binary::Binary;
@@ -26,10 +26,9 @@ pub(crate) struct Instance {
     pub(crate) world_from_object: Affine,
     /// As rays are transformed.
     pub(crate) object_from_world: Affine,
-    /// Around what is placed, in this level's space; empty if there is nothing in it.
+    /// Around what is placed, in this level's space, widened as `slack` says; empty if there is
+    /// nothing in it.
     pub(crate) bounds: Aabb,
-    /// Around the image of the inner level's reach.
-    pub(crate) reach: Aabb,
     /// What this instance adds to the rank of the path that leads to this level.
     pub(crate) rank: u64,
     pub(crate) mask: u32,
@@ -57,7 +56,6 @@ pub(crate) struct Structure {
     /// Contains everything, and the images of the reaches of all instances.
     pub(crate) reach: Aabb,
     pub(crate) slack: Slack,
-    pub(crate) slack_f32: SlackF32,
     /// Instance paths, this level's empty path included.
     pub(crate) paths: u64,
 }
