@@ -83,8 +83,13 @@ impl Splitter for BinnedSah {
         prim_ref::partition(range.slots, goes_left, stage)
     }
 
-    fn halve(&self, range: &mut Range<'_, PrimRef>, (): &mut ()) -> Cut {
-        prim_ref::halve(range)
+    fn halve(
+        &self,
+        range: &mut Range<'_, PrimRef>,
+        (): &mut (),
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled> {
+        prim_ref::halve(range, stage)
     }
 }
 

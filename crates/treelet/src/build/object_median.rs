@@ -69,7 +69,7 @@ impl Splitter for ObjectMedian {
         if count <= prim_ref::CHUNK {
             let by_key = |item: &PrimRef| (key(item), item.prim);
             range.slots.select_nth_unstable_by_key(count / 2, by_key);
-            return Ok(Some(prim_ref::halve(range)));
+            return prim_ref::halve(range, stage).map(Some);
         }
         // Find the key in the middle by its digits, then move what is below it to the front, with
         // as many of its equals as fill the half.
@@ -86,8 +86,13 @@ impl Splitter for ObjectMedian {
         prim_ref::partition(range.slots, goes_left, stage)
     }
 
-    fn halve(&self, range: &mut Range<'_, PrimRef>, (): &mut ()) -> Cut {
-        prim_ref::halve(range)
+    fn halve(
+        &self,
+        range: &mut Range<'_, PrimRef>,
+        (): &mut (),
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled> {
+        prim_ref::halve(range, stage)
     }
 }
 

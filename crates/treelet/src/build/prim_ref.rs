@@ -24,7 +24,12 @@ pub(super) fn gather(
     context: &Context<'_>,
 ) -> Result<(Vec<PrimRef>, Extent), BuildError> {
     let empty = PrimRef { bounds: Aabb::EMPTY, prim: 0 };
-    let mut refs = memory::try_filled(empty, bounds.len(), "primitive references")?;
+    let mut refs = memory::try_with_capacity(bounds.len(), "primitive references")?;
+    // First touched here: fresh pages take longer than what is written to them.
+    while refs.len() < bounds.len() {
+        context.cancel.check()?;
+        refs.resize(bounds.len().min(refs.len() + CHUNK), empty);
+    }
     let numbered: Vec<_> = bounds.chunks(CHUNK).zip(refs.chunks_mut(CHUNK)).enumerate().collect();
     let extents = parallel::map(numbered, |(chunk, (bounds, refs))| {
         context.cancel.check()?;
@@ -45,10 +50,13 @@ pub(super) fn gather(
 }
 
 /// The extent of some references.
-pub(super) fn extent_of(refs: &[PrimRef]) -> Extent {
+fn extent_of(refs: &[PrimRef], stage: &Stage<'_>) -> Result<Extent, Cancelled> {
     let mut extent = Extent::EMPTY;
-    refs.iter().for_each(|item| extent.add(&item.bounds));
-    extent
+    for chunk in refs.chunks(CHUNK) {
+        stage.check()?;
+        chunk.iter().for_each(|item| extent.add(&item.bounds));
+    }
+    Ok(extent)
 }
 
 /// Moves what `goes_left` to the front, keeping no order but the same one every time; returns
@@ -80,10 +88,10 @@ pub(super) fn partition(
 }
 
 /// Cuts in the middle of the present order.
-pub(super) fn halve(range: &Range<'_, PrimRef>) -> Cut {
+pub(super) fn halve(range: &Range<'_, PrimRef>, stage: &Stage<'_>) -> Result<Cut, Cancelled> {
     let left = range.slots.len() / 2;
     let (a, b) = range.slots.split_at(left);
-    Cut { left, extents: [extent_of(a), extent_of(b)] }
+    Ok(Cut { left, extents: [extent_of(a, stage)?, extent_of(b, stage)?] })
 }
 
 /// The axis along which the centers spread most; the lowest one wins a tie.

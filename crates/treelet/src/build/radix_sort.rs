@@ -23,7 +23,11 @@ const CHUNK: usize = 65_536;
 
 /// Sorts by key; entries with equal keys keep their order.
 pub(super) fn sort(mut items: Vec<Keyed>, stage: &Stage<'_>) -> Result<Vec<Keyed>, Cancelled> {
-    let mut spare = items.clone();
+    let mut spare = Vec::with_capacity(items.len());
+    for chunk in items.chunks(CHUNK) {
+        stage.check()?;
+        spare.extend_from_slice(chunk);
+    }
     for shift in (0..u32::BITS).step_by(DIGIT_BITS as usize) {
         let digit = |key: u32| (key >> shift) as usize & ((1 << DIGIT_BITS) - 1);
 

@@ -67,7 +67,12 @@ impl Splitter for SpatialMedian {
         prim_ref::partition(range.slots, |item| item.bounds.center()[axis] < middle, stage)
     }
 
-    fn halve(&self, range: &mut Range<'_, PrimRef>, (): &mut ()) -> Cut {
-        prim_ref::halve(range)
+    fn halve(
+        &self,
+        range: &mut Range<'_, PrimRef>,
+        (): &mut (),
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled> {
+        prim_ref::halve(range, stage)
     }
 }

@@ -46,10 +46,14 @@ impl Builder for SweepSah {
         check_leaf_max(self.leaf_max)?;
         check_option("visit_cost", f64::from(self.visit_cost), 0.0..=1000.0, "0..=1000")?;
         let mut extent = Extent::EMPTY;
-        bounds.iter().for_each(|bounds| extent.add(bounds));
+        let mut goes_left = memory::try_with_capacity(bounds.len(), "sides of primitives")?;
+        for chunk in bounds.chunks(CHECK_EVERY) {
+            context.cancel.check()?;
+            chunk.iter().for_each(|bounds| extent.add(bounds));
+            goes_left.extend(chunk.iter().map(|_| AtomicBool::new(false)));
+        }
         let mut slots = sort_on_three_axes(bounds, context)?;
-        let sides = (0..bounds.len()).map(|_| AtomicBool::new(false)).collect();
-        let sweep = Sweep { options: *self, bounds, goes_left: sides };
+        let sweep = Sweep { options: *self, bounds, goes_left };
         top_down::build(&sweep, &mut slots, extent, context)
     }
 }
@@ -65,15 +69,25 @@ fn sort_on_three_axes(
     let sorted = parallel::map(alloc::vec![0, 1, 2], |axis| {
         let mut keyed = memory::try_with_capacity::<Keyed>(bounds.len(), "sort keys")?;
         let key = |bounds: &Aabb| ordered_bits(bounds.center()[axis]);
-        keyed.extend(bounds.iter().zip(0..).map(|(bounds, prim)| (key(bounds), prim)));
+        for chunk in bounds.chunks(CHECK_EVERY) {
+            stage.check()?;
+            let first = keyed.len() as u32;
+            keyed.extend(chunk.iter().zip(first..).map(|(bounds, prim)| (key(bounds), prim)));
+        }
         let keyed = radix_sort::sort(keyed, &stage)?;
         stage.advance(1);
         Ok(keyed)
     });
-    let mut slots = memory::try_filled([0; 3], bounds.len(), "sorted lists")?;
-    for (axis, list) in sorted.into_iter().enumerate() {
-        let list: Result<_, BuildError> = list;
-        slots.iter_mut().zip(list?).for_each(|(slot, (_, prim))| slot[axis] = prim);
+    let mut lists = Vec::with_capacity(3);
+    for list in sorted {
+        let list: Result<Vec<Keyed>, BuildError> = list;
+        lists.push(list?);
+    }
+    let mut slots = memory::try_with_capacity(bounds.len(), "sorted lists")?;
+    for first in (0..bounds.len()).step_by(CHECK_EVERY) {
+        context.cancel.check()?;
+        let end = bounds.len().min(first + CHECK_EVERY);
+        slots.extend((first..end).map(|at| [lists[0][at].1, lists[1][at].1, lists[2][at].1]));
     }
     Ok(slots)
 }
@@ -126,12 +140,17 @@ impl Splitter for Sweep<'_> {
         if count <= self.options.leaf_max as usize && !split_pays {
             return Ok(None);
         }
-        Ok(Some(self.apply(range.slots, &place, scratch)))
+        self.apply(range.slots, &place, scratch, stage).map(Some)
     }
 
-    fn halve(&self, range: &mut Range<'_, Ranked>, scratch: &mut Scratch) -> Cut {
+    fn halve(
+        &self,
+        range: &mut Range<'_, Ranked>,
+        scratch: &mut Scratch,
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled> {
         let place = Place { axis: 0, left: range.slots.len() / 2, cost: 0.0 };
-        self.apply(range.slots, &place, scratch)
+        self.apply(range.slots, &place, scratch, stage)
     }
 }
 
@@ -185,9 +204,18 @@ impl Sweep<'_> {
     }
 
     /// Partitions the two other lists, keeping their order.
-    fn apply(&self, slots: &mut [Ranked], place: &Place, scratch: &mut Scratch) -> Cut {
+    fn apply(
+        &self,
+        slots: &mut [Ranked],
+        place: &Place,
+        scratch: &mut Scratch,
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled> {
         let mut extents = [Extent::EMPTY; 2];
         for (at, slot) in slots.iter().enumerate() {
+            if at % CHECK_EVERY == 0 {
+                stage.check()?;
+            }
             let prim = slot[place.axis] as usize;
             let goes_left = at < place.left;
             self.goes_left[prim].store(goes_left, Ordering::Relaxed);
@@ -197,6 +225,9 @@ impl Sweep<'_> {
             scratch.right_prims.clear();
             let mut next = 0;
             for at in 0..slots.len() {
+                if at % CHECK_EVERY == 0 {
+                    stage.check()?;
+                }
                 let prim = slots[at][axis];
                 if self.goes_left[prim as usize].load(Ordering::Relaxed) {
                     slots[next][axis] = prim;
@@ -208,7 +239,7 @@ impl Sweep<'_> {
             let right = slots[next..].iter_mut().zip(&scratch.right_prims);
             right.for_each(|(slot, &prim)| slot[axis] = prim);
         }
-        Cut { left: place.left, extents }
+        Ok(Cut { left: place.left, extents })
     }
 }
 

@@ -80,7 +80,12 @@ pub(crate) trait Splitter: Sync {
     ) -> Result<Option<Cut>, Cancelled>;
 
     /// Cuts a range of at least two in the middle by count, in whatever order is at hand.
-    fn halve(&self, range: &mut Range<'_, Self::Slot>, scratch: &mut Self::Scratch) -> Cut;
+    fn halve(
+        &self,
+        range: &mut Range<'_, Self::Slot>,
+        scratch: &mut Self::Scratch,
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled>;
 
     /// The most primitives that may stay in a leaf.
     fn leaf_max(&self) -> u32;
@@ -210,7 +215,7 @@ fn decide<P: Splitter>(
         return Ok(Some(cut));
     }
     let full = count > splitter.leaf_max() as usize;
-    Ok(full.then(|| splitter.halve(&mut task.range, scratch)))
+    full.then(|| splitter.halve(&mut task.range, scratch, stage)).transpose()
 }
 
 /// Makes the task's node an inner one, and two tasks of its halves.

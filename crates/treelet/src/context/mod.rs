@@ -56,7 +56,8 @@ pub struct Progress {
 pub struct Context<'a> {
     /// Stops the call.
     pub cancel: Cancel,
-    /// Is told how far the call is, some hundred times, from any of its threads.
+    /// Is told how far the call is, from any of its threads: a few times for a small scene, some
+    /// hundred times for a large one.
     pub progress: Option<&'a (dyn Fn(Progress) + Sync)>,
 }
 

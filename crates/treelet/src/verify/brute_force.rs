@@ -48,16 +48,26 @@ impl<'a> BruteForce<'a> {
         Self { scene, levels }
     }
 
-    /// Triangle tests that one ray costs at most.
+    /// Triangle tests that one ray costs at most; `u64::MAX` if more.
     pub fn tests_per_ray(&self) -> u64 {
-        // Levels are met once for every path that leads to them; ranks count paths.
-        let mut tests = 0_u64;
+        // Levels are met once for every path that leads to them. What a level costs is known once
+        // everything inside it is: it stays on the stack until then.
+        let mut costs: BTreeMap<usize, u64> = BTreeMap::new();
         let mut open = alloc::vec![self.scene.structure()];
-        while let Some(level) = open.pop() {
-            tests += self.levels[&address(level)].iter().map(|b| b.names.len() as u64).sum::<u64>();
-            open.extend(level.instances.iter().map(|instance| &*instance.structure));
+        while let Some(&level) = open.last() {
+            let inner = level.instances.iter().map(|instance| &*instance.structure);
+            let waiting = open.len();
+            open.extend(inner.clone().filter(|inner| !costs.contains_key(&address(inner))));
+            if open.len() > waiting {
+                continue;
+            }
+            let own = self.levels[&address(level)].iter().map(|block| block.names.len() as u64);
+            let inside = inner.map(|inner| costs[&address(inner)]);
+            let cost = own.chain(inside).fold(0_u64, u64::saturating_add);
+            costs.insert(address(level), cost);
+            open.pop();
         }
-        tests
+        costs[&address(self.scene.structure())]
     }
 
     /// Every hit of the ray, ordered by `(t, inst, geom, prim)`: what `Scene::all` must give.

@@ -39,7 +39,7 @@ pub fn rays(scene: &Scene, count: usize, seed: u64) -> Vec<Ray> {
     (0..count)
         .map(|i| {
             let kind = RayKind::ALL[i % RayKind::ALL.len()];
-            let ray = targets.aim(kind, &mut random);
+            let ray = long_enough(targets.aim(kind, &mut random));
             match i % 5 {
                 3 => ray.up_to(random.between(0.0, 2.0)),
                 4 => ray.from(random.between(-2.0, 2.0)),
@@ -47,6 +47,15 @@ pub fn rays(scene: &Scene, count: usize, seed: u64) -> Vec<Ray> {
             }
         })
         .collect()
+}
+
+/// The same ray with a direction that is no shorter than rays may be, for tiny scenes.
+fn long_enough(ray: Ray) -> Ray {
+    /// Powers of two: scaling by them rounds nothing.
+    const SHORT: f32 = 1.0 / (1_u64 << 60) as f32;
+    const STRETCH: f32 = (1_u128 << 90) as f32;
+    let short = vec3::max_abs(ray.direction) < SHORT;
+    Ray { direction: ray.direction.map(|d| if short { d * STRETCH } else { d }), ..ray }
 }
 
 /// Where a scene's triangles are.
