@@ -19,7 +19,7 @@ use std::path::PathBuf;
 use treelet_model::{Material, Model, Object, Placement};
 
 use crate::catalogue::{Importer, Info};
-use crate::error::{Place, Result};
+use crate::error::{Place, Result, counted};
 use crate::source::{SidePath, Source};
 use crate::text::{self, Lines, Words};
 
@@ -81,12 +81,13 @@ impl Importer for Obj {
         for (part, name) in made.iter_mut().zip(names) {
             part.material = model.materials.len();
             let known = library.get(name.as_str()).copied();
-            unknown += usize::from(known.is_none() && !name.is_empty());
+            unknown += u64::from(known.is_none() && !name.is_empty());
             let plain = || Material { name, ..Material::default() };
             model.materials.push(known.cloned().unwrap_or_else(plain));
         }
         if unknown > 0 {
-            warnings.push(format!("{unknown} materials are not in any library; shown grey."));
+            let materials = counted(unknown, "material is", "materials are");
+            warnings.push(format!("{materials} not in any library; shown grey."));
         }
         object.parts = made;
         model.objects.push(object);
