@@ -84,7 +84,8 @@ impl Budget {
         Ok(())
     }
 
-    /// Makes room for `extra` more items, to the item.
+    /// Makes room for `extra` more items, to the item. What the vector grows by is spent; room that
+    /// it has was paid for.
     #[cold]
     pub(crate) fn reserve<T>(
         &self,
@@ -92,7 +93,8 @@ impl Budget {
         extra: usize,
         what: &'static str,
     ) -> Result<(), Fault> {
-        let bytes = (extra as u64).saturating_mul(size_of::<T>() as u64);
+        let room = items.capacity() - items.len();
+        let bytes = (extra.saturating_sub(room) as u64).saturating_mul(size_of::<T>() as u64);
         self.spend(bytes, what)?;
         items.try_reserve_exact(extra).map_err(|_| OutOfMemory { bytes, what })?;
         Ok(())
@@ -101,3 +103,23 @@ impl Budget {
 
 /// The room that a growing vector starts with.
 const FIRST_ROOM: usize = 16;
+
+#[cfg(test)]
+mod tests {
+    use super::Budget;
+    use crate::options::Limits;
+
+    #[test]
+    fn what_is_spent_is_the_capacity() {
+        let limits = Limits::default();
+        let budget = Budget::new(&limits);
+        let mut items: Vec<u32> =
+            budget.vec(100, "items").unwrap_or_else(|fault| panic!("{fault}"));
+        items.push(0);
+        for extra in [10, 150, 151, 400] {
+            let grown = budget.reserve(&mut items, extra, "items");
+            assert!(grown.is_ok() && items.capacity() > extra);
+            assert_eq!(limits.max_bytes - budget.left(), 4 * items.capacity() as u64);
+        }
+    }
+}

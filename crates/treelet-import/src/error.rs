@@ -156,6 +156,11 @@ impl Fault {
 /// What to do about a file that stops too early or lies about its size.
 pub(crate) const DAMAGED: &str = "the file is damaged or cut short: copy or export it again";
 
+/// A number of things and what is said of them, in the words for one or for several.
+pub(crate) fn counted(count: u64, one: &str, several: &str) -> String {
+    format!("{count} {}", if count == 1 { one } else { several })
+}
+
 /// At most so many bytes of a file are quoted in a message.
 const QUOTE_MAX: usize = 40;
 

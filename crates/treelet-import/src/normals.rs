@@ -3,6 +3,8 @@
 use treelet::Mesh;
 use treelet::math::vec3;
 
+use crate::error::counted;
+
 /// Scales each normal to length 1. Where a file's normal is zero or not finite, that of a triangle
 /// at the vertex takes its place, and +z where no triangle has one.
 ///
@@ -41,6 +43,12 @@ pub(crate) fn repair(normals: &mut [[f32; 3]], mesh: &Mesh) -> usize {
 
 /// Stands for a normal that is not known yet; no unit vector equals it.
 const MISSING: [f32; 3] = [0.0; 3];
+
+/// The warning about normals that were mended.
+pub(crate) fn replaced(count: usize) -> String {
+    let normals = counted(count as u64, "normal of no length was", "normals of no length were");
+    format!("{normals} replaced.")
+}
 
 #[cfg(test)]
 mod tests {

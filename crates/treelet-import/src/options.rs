@@ -18,7 +18,9 @@ pub struct Options {
 /// How much one file, with all that it names, may cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
-    /// Bytes read, unpacked and made into arrays, together; granted in steps of up to 512 KiB.
+    /// Bytes read, unpacked and made into arrays, together. Room counts when it is reserved, and
+    /// what of it stays empty is not given back: a file counts 512 KiB beyond its size, what is
+    /// unpacked and what grows while it is read up to twice its size and 512 KiB more.
     pub max_bytes: u64,
     /// How many times its packed size a compressed file may unpack to, and how many times its
     /// unpacked size the arrays made of it may take. It does not bind below 64 MiB, where no bomb

@@ -22,11 +22,13 @@ pub struct Source<'a> {
     pub(crate) budget: &'a Budget,
 }
 
-/// A file that a scene names.
-#[derive(Debug)]
-pub(crate) struct SideFile {
-    pub(crate) path: PathBuf,
-    pub(crate) bytes: Vec<u8>,
+/// Where a file that a scene names was found.
+#[derive(Clone, Debug)]
+pub(crate) struct SidePath {
+    /// The path for messages, as the scene spells it.
+    pub(crate) shown: PathBuf,
+    /// The file itself, however the scene spells it; what is read once is known by this.
+    pub(crate) real: PathBuf,
 }
 
 impl<'a> Source<'a> {
@@ -85,19 +87,19 @@ impl<'a> Source<'a> {
         self.whole(self.budget.vec(len, what))
     }
 
-    /// A source over a file that this one names, on the same budget.
-    pub(crate) fn beside(&self, side: &'a SideFile) -> Source<'a>
+    /// A source over the bytes of a file that this one names, on the same budget.
+    pub(crate) fn beside<'b>(&self, side: &'b SidePath, bytes: &'b [u8]) -> Source<'b>
     where
-        Self: 'a,
+        'a: 'b,
     {
-        Source { file: &side.path, bytes: &side.bytes, folder: None, ..*self }
+        Source { file: &side.shown, bytes, folder: None, ..*self }
     }
 
-    /// Reads a file that this one names by a relative path, or its `.zst` or `.gz` beside it.
+    /// Finds a file that this one names by a relative path, or its `.zst` or `.gz` beside it.
     ///
     /// What leaves the scene's folder, also by a symbolic link, is refused unless the options
     /// allow it; addresses always.
-    pub(crate) fn side_file(&self, place: &Place, target: &str) -> Result<SideFile> {
+    pub(crate) fn find(&self, place: &Place, target: &str) -> Result<SidePath> {
         let refuse = |fault| Err(self.error(place.clone(), fault));
         let owned = || clip(target);
         if is_url(target) {
@@ -132,12 +134,17 @@ impl<'a> Source<'a> {
         if !self.options.allow_outside && !real.starts_with(&home) {
             return refuse(Fault::Outside { target: owned() });
         }
-        let bytes = read_plain(&real, self.budget, self.options).map_err(|fault| ImportError {
-            file: found.clone(),
+        Ok(SidePath { shown: found.clone(), real })
+    }
+
+    /// Reads a file that this one names. Its bytes count, and earn, each time: an importer must
+    /// read no [`SidePath::real`] twice.
+    pub(crate) fn read_side(&self, side: &SidePath) -> Result<Vec<u8>> {
+        read_plain(&side.real, self.budget, self.options).map_err(|fault| ImportError {
+            file: side.shown.clone(),
             place: Place::File,
             fault,
-        })?;
-        Ok(SideFile { path: found.clone(), bytes })
+        })
     }
 
     /// Sets the finishing touch to what was read: a warning if nothing can be seen.

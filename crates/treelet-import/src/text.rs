@@ -89,7 +89,8 @@ pub(crate) fn refuse_utf16(text: &[u8]) -> Result<(), Fault> {
 
 /// A number as Rust or C spell it: decimal, hexadecimal, infinite or not a number at all (`nan`).
 ///
-/// Correctly rounded. A decimal comma is no number.
+/// Decimal numbers are correctly rounded; hexadecimal ones to f64 first, then to f32, after losing
+/// the digits that f64 does not hold. A decimal comma is no number.
 #[inline]
 pub(crate) fn real(word: &[u8]) -> Option<f32> {
     let text = str::from_utf8(word).ok()?;

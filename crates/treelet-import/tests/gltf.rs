@@ -62,9 +62,9 @@ fn lists_strips_fans_and_index_types() {
     }
     check("a.glb", primitive(5, &SQUARE, Some((5121, &[0, 1, 3, 2], 4))), &[[a, b, d], [b, c, d]]);
     let ragged = check("a.glb", primitive(4, &SQUARE, Some((5121, &bytes[..5], 5))), &[LOWER]);
-    assert_eq!(ragged.warnings, ["1 primitives end inside a triangle; that is left out."]);
+    assert_eq!(ragged.warnings, ["1 primitive ends inside a triangle; that is left out."]);
     let lines = check("a.glb", primitive(1, &SQUARE, None), &[]);
-    assert_eq!(lines.warnings[0], "1 primitives are points or lines; left out.");
+    assert_eq!(lines.warnings[0], "1 primitive is points or lines; left out.");
     let out = model("a.glb", primitive(4, &SQUARE, Some((5121, &[0, 1, 200], 3))));
     assert_eq!(out.objects[0].parts[0].mesh.triangles(), [[0, 1, 200]]);
 }
@@ -189,10 +189,13 @@ fn extensions_that_change_geometry() {
         ("VENDOR_mystery", "Blender"),
     ] {
         let extra = format!(r#","extensionsRequired":["{name}"]"#);
-        let want = format!("a.glb: uses {name}, which treelet does not read yet; ");
+        let want =
+            format!("a.glb: extensionsRequired: names {name}, which treelet does not read yet; ");
         check_error("a.glb", square_glb(r#"{"mesh":0}"#, &extra), &want);
         check_error("a.glb", square_glb(r#"{"mesh":0}"#, &extra), how);
     }
-    let node = r#"{"mesh":0,"extensions":{"EXT_mesh_gpu_instancing":{"attributes":{}}}}"#;
-    check_error("a.glb", square_glb(node, ""), "uses EXT_mesh_gpu_instancing");
+    let node = r#"{"mesh":0,"children":[1]},
+        {"name":"trees","extensions":{"EXT_mesh_gpu_instancing":{"attributes":{}}}}"#;
+    let want = "a.glb: node 1 \"trees\": uses EXT_mesh_gpu_instancing, which";
+    check_error("a.glb", square_glb(node, ""), want);
 }

@@ -301,6 +301,10 @@ fn limits_bind() {
     }
     let options = Options::default();
     options.cancel.cancel();
-    let error = load_bytes("a.ply", SQUARE_PLY.as_bytes(), &options).expect_err("cancelled");
-    assert!(matches!(error.fault, Fault::Cancelled(_)), "{error}");
+    // One statement of many lines is no shelter from the flag, either.
+    let continued = "g \\\n".repeat(20_000);
+    for (name, text) in [("a.ply", SQUARE_PLY), ("a.obj", &continued)] {
+        let error = load_bytes(name, text.as_bytes(), &options).expect_err("cancelled");
+        assert!(matches!(error.fault, Fault::Cancelled(_)), "{error}");
+    }
 }

@@ -48,7 +48,7 @@ fn vertices_with_several_normals_are_split() {
     // The corner without a normal gets that of its triangle.
     let normals = part.normals.as_ref().expect("it has normals");
     assert_eq!(normals[..], [up, up, up, right, up]);
-    assert_eq!(got.warnings, ["1 normals that are missing or of no length were replaced."]);
+    assert_eq!(got.warnings, ["1 normal that is missing or of no length was replaced."]);
 }
 
 #[test]
@@ -78,6 +78,9 @@ fn vertices_alone_are_an_empty_part() {
 fn faces_too_small_are_counted() {
     let got = check("a.obj", format!("{V}f 1\nf 1 2\nf\nf 1 2 3\n"), &[LOWER]);
     assert_eq!(got.warnings, ["3 faces have fewer than three corners; left out."]);
+    let got = check("a.obj", format!("{V}f 1\nuv 0\nf 1 2 3\n"), &[LOWER]);
+    let unknown = "1 line starts with no known word, the first is line 8 with \"uv\"; left out.";
+    assert_eq!(got.warnings, [unknown, "1 face has fewer than three corners; left out."]);
 }
 
 #[test]

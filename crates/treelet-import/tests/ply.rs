@@ -143,6 +143,19 @@ fn binary_errors_have_an_offset() {
 }
 
 #[test]
+fn elements_that_are_not_read_are_one_warning() {
+    let one = "element edge 1\nproperty uchar a\nend_header";
+    let more = format!("element twig 1\nproperty uchar a\n{one}");
+    for (elements, rows, want) in [
+        (one, "1\n", "The PLY element \"edge\" is not read."),
+        (&more, "1\n1\n", "2 PLY elements are not read; the first is \"twig\"."),
+    ] {
+        let text = SQUARE_PLY.replace("end_header", elements) + rows;
+        assert_eq!(check("a.ply", text, &SQUARE_TWO).warnings, [want]);
+    }
+}
+
+#[test]
 fn what_follows_the_last_element_is_named() {
     let mut bytes = binary_ply(&SQUARE, &[&[0, 1, 2], &[0, 2, 3]]);
     bytes.extend([1, 2, 3]);

@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use common::{SQUARE, le, soup, square_json};
-use treelet_import::{Options, load};
+use treelet_import::{Limits, Options, load};
 use treelet_model::Model;
 
 /// A folder of its own for each test, with an inner one for the scene.
@@ -154,10 +154,17 @@ fn material_libraries() {
     put(&folder.join("out.mtl"), mtl);
     put(&obj, format!("mtllib ../out.mtl\nmtllib no.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\n{faces}"));
     let model = load(&obj, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
-    let warning =
-        "Materials are missing: line 1: names the file \"../out.mtl\", which is not below";
+    let warning = "Materials of 2 lines are missing; the first is line 1: names the file \
+                   \"../out.mtl\", which is not below";
     assert!(model.warnings[0].starts_with(warning), "{:?}", model.warnings);
-    assert!(model.warnings[1].contains("no.mtl"), "{:?}", model.warnings);
+    assert!(model.warnings[1].contains("materials are not in any library"), "{:?}", model.warnings);
+    // Of several on a line, those that are there are read.
+    put(&scene.join("c.mtl"), mtl);
+    put(&obj, format!("mtllib no.mtl c.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\n{faces}"));
+    let model = load(&obj, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    let warning = "Materials are missing: line 1: names the file \"no.mtl c.mtl\"";
+    assert!(model.warnings[0].starts_with(warning), "{:?}", model.warnings);
+    assert_eq!(model.materials[5].emission, [3.0, 2.0, 1.0]);
     put(&scene.join("bad.mtl"), "newmtl a\n\nKd 0 x 0\n");
     put(&obj, "mtllib bad.mtl\nv 0 0 0\n");
     let error = load(&obj, &Options::default()).expect_err("the library is broken").to_string();
@@ -165,6 +172,53 @@ fn material_libraries() {
         error.contains("bad.mtl: line 3: the number of \"Kd\" is \"x\", not a number"),
         "{error}"
     );
+}
+
+/// Reads a scene within so many bytes.
+fn load_within(path: &Path, max_bytes: u64) -> Model {
+    let limits = Limits { max_bytes, ..Limits::default() };
+    let options = Options { limits, ..Options::default() };
+    load(path, &options).unwrap_or_else(|error| panic!("{error}"))
+}
+
+/// Many times what a file may cost that is named so often and read once.
+const NAMED: usize = 400;
+
+#[test]
+fn a_buffer_named_many_times_is_read_once() {
+    let folder = folder("same-buffer");
+    let scene = folder.join("scene");
+    put(&scene.join("b.bin"), buffer());
+    let more = r#",{"uri":"./b.bin","byteLength":60},{"uri":"b%2Ebin","byteLength":60}"#;
+    let json = gltf("b.bin");
+    let first = r#""byteLength":60}"#;
+    assert!(json.contains(first));
+    put(&scene.join("a.gltf"), json.replace(first, &format!("{first}{}", more.repeat(NAMED / 2))));
+    // The scene and the buffer take half a mebibyte each beside their own size.
+    assert_eq!(load_within(&scene.join("a.gltf"), 2 << 20).triangles_placed(), 2);
+}
+
+#[test]
+fn a_library_named_many_times_is_read_once() {
+    let folder = folder("same-library");
+    let scene = folder.join("scene");
+    let path = scene.join("a.obj");
+    put(&scene.join("a.mtl"), "newmtl red\nKd 1 0 0\nmap_Kd x.png\n");
+    let spellings: String =
+        (0..NAMED).map(|i| format!("mtllib {}a.mtl\n", "./".repeat(i))).collect();
+    let face = "v 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl red\nf 1 2 3\n";
+    for names in [spellings, format!("mtllib{}\n", " a.mtl".repeat(NAMED))] {
+        put(&path, names + face);
+        let model = load_within(&path, 2 << 20);
+        assert_eq!(model.materials[0].base_color, [1.0, 0.0, 0.0]);
+        assert_eq!(model.warnings.len(), 1, "{:?}", model.warnings);
+    }
+    // So many that are missing are one warning.
+    put(&path, (0..NAMED).map(|i| format!("mtllib {i}.mtl\n")).collect::<String>() + face);
+    let model = load_within(&path, 2 << 20);
+    let want = "Materials of 400 lines are missing; the first is line 1: names the file \"0.mtl\"";
+    assert!(model.warnings[0].starts_with(want), "{:?}", model.warnings);
+    assert_eq!(model.warnings.len(), 2, "{:?}", model.warnings);
 }
 
 #[test]

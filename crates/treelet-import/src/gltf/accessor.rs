@@ -36,7 +36,7 @@ impl<'s, 'a> Accessors<'s, 'a> {
         }
         const ROW: usize = 12;
         let (bytes, stride) = self.bytes(index, accessor, ROW)?;
-        let mut vectors = self.source.vec(accessor.count as usize, what)?;
+        let mut vectors = self.source.vec(bytes.len().div_ceil(stride), what)?;
         if stride == ROW {
             let (rows, _) = bytes.as_chunks::<ROW>();
             vectors.extend(rows.iter().map(vector));
@@ -61,7 +61,7 @@ impl<'s, 'a> Accessors<'s, 'a> {
             return Err(self.wrong_type(index, accessor, "SCALAR of an UNSIGNED type", WHAT));
         }
         let (bytes, stride) = self.bytes(index, accessor, size)?;
-        let mut indices = self.source.vec(accessor.count as usize, WHAT)?;
+        let mut indices = self.source.vec(bytes.len().div_ceil(stride), WHAT)?;
         let rows = bytes.chunks(stride);
         match size {
             1 => indices.extend(rows.map(|row| u32::from(row[0]))),

@@ -1,6 +1,8 @@
 //! The bytes behind buffers: the GLB chunk, data URIs, files.
 
-use std::borrow::Cow;
+use std::collections::HashMap;
+use std::path::PathBuf;
+use std::rc::Rc;
 
 use base64::Engine;
 use base64::engine::DecodePaddingMode;
@@ -11,10 +13,28 @@ use crate::source::Source;
 
 use super::json::{Buffer, Root};
 
-/// All buffers of a file.
+/// All buffers of a file. Several may be over the same file, which is read once.
 #[derive(Debug)]
 pub(super) struct Buffers<'a> {
-    bytes: Vec<Option<Cow<'a, [u8]>>>,
+    bytes: Vec<Option<Bytes<'a>>>,
+}
+
+/// Where the bytes of a buffer are.
+#[derive(Clone, Debug)]
+enum Bytes<'a> {
+    /// In the scene's own bytes.
+    Chunk(&'a [u8]),
+    /// In memory of their own.
+    Read(Rc<Vec<u8>>),
+}
+
+impl Bytes<'_> {
+    fn get(&self) -> &[u8] {
+        match self {
+            Self::Chunk(bytes) => bytes,
+            Self::Read(bytes) => bytes,
+        }
+    }
 }
 
 /// Base64 with or without padding, as exporters differ.
@@ -27,16 +47,18 @@ impl<'a> Buffers<'a> {
     /// Reads every buffer that has bytes.
     pub(super) fn open(source: &Source<'a>, root: &Root, binary: Option<&'a [u8]>) -> Result<Self> {
         let mut bytes = Vec::new();
+        let mut known = HashMap::new();
         for (index, buffer) in root.buffers.iter().enumerate() {
+            source.check_cancelled()?;
             let place = super::item("buffer", index, "");
             let found = match &buffer.uri {
-                None if index == 0 => binary.map(Cow::Borrowed),
+                None if index == 0 => binary.map(Bytes::Chunk),
                 // What compression extensions keep as a stand-in.
                 None => None,
-                Some(uri) => Some(read_uri(source, &place, uri)?.into()),
+                Some(uri) => Some(Bytes::Read(read_uri(source, &place, uri, &mut known)?)),
             };
             if let Some(found) = &found {
-                check_length(source, &place, buffer, found)?;
+                check_length(source, &place, buffer, found.get())?;
             }
             bytes.push(found);
         }
@@ -45,7 +67,7 @@ impl<'a> Buffers<'a> {
 
     /// The bytes of a buffer; `None` if there is no such buffer or it has none.
     pub(super) fn get(&self, index: usize) -> Option<&[u8]> {
-        self.bytes.get(index)?.as_deref()
+        self.bytes.get(index)?.as_ref().map(Bytes::get)
     }
 }
 
@@ -59,12 +81,27 @@ fn check_length(source: &Source<'_>, place: &Place, buffer: &Buffer, found: &[u8
     Err(source.broken(place.clone(), found, DAMAGED))
 }
 
-/// Reads a data URI or a file.
-fn read_uri(source: &Source<'_>, place: &Place, uri: &str) -> Result<Vec<u8>> {
-    if !uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
-        let path = percent_decoded(uri);
-        return source.side_file(place, &path).map(|side| side.bytes);
+/// Reads a data URI or a file; `known` are the files that were read before.
+fn read_uri(
+    source: &Source<'_>,
+    place: &Place,
+    uri: &str,
+    known: &mut HashMap<PathBuf, Rc<Vec<u8>>>,
+) -> Result<Rc<Vec<u8>>> {
+    if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+        return read_data(source, place, uri).map(Rc::new);
     }
+    let side = source.find(place, &percent_decoded(uri))?;
+    if let Some(bytes) = known.get(&side.real) {
+        return Ok(Rc::clone(bytes));
+    }
+    let bytes = Rc::new(source.read_side(&side)?);
+    known.insert(side.real, Rc::clone(&bytes));
+    Ok(bytes)
+}
+
+/// Decodes a data URI.
+fn read_data(source: &Source<'_>, place: &Place, uri: &str) -> Result<Vec<u8>> {
     let Some((head, data)) = uri.split_once(',') else {
         return Err(source.broken(place.clone(), "is a data URI without data", super::INVALID));
     };

@@ -248,7 +248,7 @@ pub(super) fn parse(source: &Source<'_>, parts: &Parts<'_>) -> Result<Root> {
 }
 
 /// An extension that changes the geometry, and how to get rid of it.
-struct Compression {
+struct GeometryExtension {
     name: &'static str,
     remedy: &'static str,
 }
@@ -256,20 +256,23 @@ struct Compression {
 const DECODE: &str = "decode it: npx @gltf-transform/cli copy OLD.glb NEW.glb";
 
 /// In the order in which they are reported.
-const UNREAD: [Compression; 5] = [
-    Compression { name: "KHR_draco_mesh_compression", remedy: DECODE },
-    Compression { name: "EXT_meshopt_compression", remedy: DECODE },
-    Compression { name: "KHR_meshopt_compression", remedy: DECODE },
-    Compression {
+const UNREAD: [GeometryExtension; 5] = [
+    GeometryExtension { name: "KHR_draco_mesh_compression", remedy: DECODE },
+    GeometryExtension { name: "EXT_meshopt_compression", remedy: DECODE },
+    GeometryExtension { name: "KHR_meshopt_compression", remedy: DECODE },
+    GeometryExtension {
         name: "KHR_mesh_quantization",
         remedy: "turn its integers into floats: npx @gltf-transform/cli dequantize OLD.glb NEW.glb",
     },
-    Compression {
-        name: "EXT_mesh_gpu_instancing",
-        remedy: "export it with one node for each copy, for example by importing it into Blender \
-                 and exporting it again",
-    },
+    INSTANCING,
 ];
+
+/// One node that stands for many copies.
+const INSTANCING: GeometryExtension = GeometryExtension {
+    name: "EXT_mesh_gpu_instancing",
+    remedy: "export it with one node for each copy, for example by importing it into Blender and \
+             exporting it again",
+};
 
 /// Extensions that may be required, because they change nothing that is read: textures, looks.
 const HARMLESS: [&str; 7] = [
@@ -287,9 +290,10 @@ pub(super) fn check_extensions(source: &Source<'_>, root: &Root) -> Result<Vec<S
     let uses = |name: &str| root.extensions_used.iter().any(|used| used == name);
     let requires = |name: &str| root.extensions_required.iter().any(|used| used == name);
     let unread = |name: &str, remedy: &str| {
-        source.error(Place::File, Fault::unsupported(format!("uses {name}"), remedy))
+        let place = Place::Element("extensionsRequired".to_owned());
+        source.error(place, Fault::unsupported(format!("names {name}"), remedy))
     };
-    for Compression { name, remedy } in UNREAD {
+    for GeometryExtension { name, remedy } in UNREAD {
         if requires(name) {
             return Err(unread(name, remedy));
         }
@@ -301,9 +305,11 @@ pub(super) fn check_extensions(source: &Source<'_>, root: &Root) -> Result<Vec<S
         }
     }
     // Without its instances a scene is another scene, though the file says it is optional.
-    let instancing = &UNREAD[4];
-    if root.nodes.iter().any(|node| node.extensions.contains_key(instancing.name)) {
-        return Err(unread(instancing.name, instancing.remedy));
+    let GeometryExtension { name, remedy } = INSTANCING;
+    let is_instanced = |node: &Node| node.extensions.contains_key(name);
+    if let Some(index) = root.nodes.iter().position(is_instanced) {
+        let place = super::item("node", index, &root.nodes[index].name);
+        return Err(source.error(place, Fault::unsupported(format!("uses {name}"), remedy)));
     }
     let lights = uses("KHR_lights_punctual");
     Ok(lights

@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use treelet::memory::Array;
 use treelet_model::{Model, Object, Part};
 
-use crate::error::{Place, Result};
+use crate::error::{Place, Result, counted};
 use crate::normals;
 use crate::source::Source;
 
@@ -71,13 +71,15 @@ impl<'s, 'a> Meshes<'s, 'a> {
         let Self { unread, ragged, replaced_normals, .. } = self;
         let mut warnings = Vec::new();
         if *unread > 0 {
-            warnings.push(format!("{unread} primitives are points or lines; left out."));
+            let primitives = counted(*unread as u64, "primitive is", "primitives are");
+            warnings.push(format!("{primitives} points or lines; left out."));
         }
         if *ragged > 0 {
-            warnings.push(format!("{ragged} primitives end inside a triangle; that is left out."));
+            let primitives = counted(*ragged as u64, "primitive ends", "primitives end");
+            warnings.push(format!("{primitives} inside a triangle; that is left out."));
         }
         if *replaced_normals > 0 {
-            warnings.push(format!("{replaced_normals} normals of no length were replaced."));
+            warnings.push(normals::replaced(*replaced_normals));
         }
         warnings
     }

@@ -13,13 +13,14 @@ mod mtl;
 mod parts;
 mod reader;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
+use std::path::PathBuf;
 
 use treelet_model::{Material, Model, Object, Placement};
 
 use crate::catalogue::{Importer, Info};
-use crate::error::{Place, Result};
-use crate::source::Source;
+use crate::error::{Place, Result, counted};
+use crate::source::{SidePath, Source};
 use crate::text::{self, Lines, Words};
 
 use reader::Reader;
@@ -56,10 +57,11 @@ impl Importer for Obj {
         let mut reader = Reader::new(source);
         reader.read_all()?;
         let mut warnings = reader.warnings();
-        let mut materials = Vec::new();
+        let mut libraries = Libraries::default();
         for (line, name) in &reader.libraries {
-            read_library(source, *line, name, &mut materials, &mut warnings)?;
+            libraries.read(source, *line, name)?;
         }
+        warnings.extend(libraries.warnings());
 
         // Give each part the material of its name; a name without material gets a plain one.
         let mut model = Model::default();
@@ -72,19 +74,20 @@ impl Importer for Obj {
             names.push(String::new());
         }
         let mut library: HashMap<&str, &Material> = HashMap::new();
-        for material in &materials {
+        for material in &libraries.materials {
             library.entry(&material.name).or_insert(material);
         }
         let mut made = parts::make(source, reader, &mut warnings)?;
         for (part, name) in made.iter_mut().zip(names) {
             part.material = model.materials.len();
             let known = library.get(name.as_str()).copied();
-            unknown += usize::from(known.is_none() && !name.is_empty());
+            unknown += u64::from(known.is_none() && !name.is_empty());
             let plain = || Material { name, ..Material::default() };
             model.materials.push(known.cloned().unwrap_or_else(plain));
         }
         if unknown > 0 {
-            warnings.push(format!("{unknown} materials are not in any library; shown grey."));
+            let materials = counted(unknown, "material is", "materials are");
+            warnings.push(format!("{materials} not in any library; shown grey."));
         }
         object.parts = made;
         model.objects.push(object);
@@ -97,31 +100,67 @@ impl Importer for Obj {
 /// How far into a file its first statement is looked for.
 const LOOKED_AT: usize = 1 << 14;
 
-/// Reads a material library. Without it a mesh is still a mesh, so a library that is missing or
-/// out of bounds is a warning; one that is there must be sound.
-fn read_library(
-    source: &Source<'_>,
-    line: u64,
-    name: &str,
-    materials: &mut Vec<Material>,
-    warnings: &mut Vec<String>,
-) -> Result<()> {
-    // One name, blanks and all; or several.
-    let place = Place::Line(line);
-    let whole = source.side_file(&place, name).map(|side| vec![side]);
-    let found = whole.or_else(|error| {
-        let names = name.split_ascii_whitespace();
-        let each: Result<Vec<_>> = names.map(|name| source.side_file(&place, name)).collect();
-        each.or(Err(error))
-    });
-    match found {
-        Ok(sides) => {
-            sides.iter().try_for_each(|side| mtl::read(&source.beside(side), materials, warnings))
+/// The material libraries of a file, each read once, whatever number of lines names it.
+#[derive(Debug, Default)]
+struct Libraries {
+    materials: Vec<Material>,
+    /// Whether a material has textures.
+    has_maps: bool,
+    /// Files that were read.
+    known: HashSet<PathBuf>,
+    /// Lines that name a library which is missing or out of bounds.
+    missing: u64,
+    /// What is wrong with the first of them.
+    first_missing: Option<String>,
+}
+
+impl Libraries {
+    /// Reads what a line names. Without it a mesh is still a mesh, so a library that is missing or
+    /// out of bounds is a warning; one that is there must be sound.
+    fn read(&mut self, source: &Source<'_>, line: u64, name: &str) -> Result<()> {
+        source.check_cancelled()?;
+        let place = Place::Line(line);
+        let error = match source.find(&place, name) {
+            Ok(side) => return self.take(source, &side),
+            Err(error) => error,
+        };
+        // Not one name, blanks and all; then several.
+        let mut is_complete = true;
+        for name in name.split_ascii_whitespace() {
+            source.check_cancelled()?;
+            match source.find(&place, name) {
+                Ok(side) => self.take(source, &side)?,
+                Err(_) => is_complete = false,
+            }
         }
-        Err(error) if error.file == source.file => {
-            warnings.push(format!("Materials are missing: {}{}.", error.place, error.fault));
-            Ok(())
+        if !is_complete {
+            self.missing += 1;
+            self.first_missing.get_or_insert_with(|| format!("{place}{}", error.fault));
         }
-        Err(error) => Err(error),
+        Ok(())
+    }
+
+    /// Takes the materials of a file at its first mention; its bytes are not kept.
+    fn take(&mut self, source: &Source<'_>, side: &SidePath) -> Result<()> {
+        if self.known.insert(side.real.clone()) {
+            let bytes = source.read_side(side)?;
+            self.has_maps |= mtl::read(&source.beside(side, &bytes), &mut self.materials)?;
+        }
+        Ok(())
+    }
+
+    /// What was not found or not read.
+    fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(first) = &self.first_missing {
+            warnings.push(match self.missing {
+                1 => format!("Materials are missing: {first}."),
+                lines => format!("Materials of {lines} lines are missing; the first is {first}."),
+            });
+        }
+        if self.has_maps {
+            warnings.push("Textures are not read; materials have their factors alone.".to_owned());
+        }
+        warnings
     }
 }

@@ -26,12 +26,8 @@ struct Raw {
     metallic: Option<f32>,
 }
 
-/// Reads all materials of a library.
-pub(super) fn read(
-    source: &Source<'_>,
-    materials: &mut Vec<Material>,
-    warnings: &mut Vec<String>,
-) -> Result<()> {
+/// Reads all materials of a library; tells whether one of them has a texture, which is not read.
+pub(super) fn read(source: &Source<'_>, materials: &mut Vec<Material>) -> Result<bool> {
     source.whole(text::refuse_utf16(source.bytes))?;
     let mut raw: Option<Raw> = None;
     let mut has_maps = false;
@@ -77,10 +73,7 @@ pub(super) fn read(
     if let Some(raw) = raw {
         source.push(materials, raw.finish(), "materials")?;
     }
-    if has_maps {
-        warnings.push("Textures are not read; materials have their factors alone.".to_owned());
-    }
-    Ok(())
+    Ok(has_maps)
 }
 
 /// Whether a key names a texture.

@@ -4,7 +4,7 @@
 use treelet::Mesh;
 use treelet_model::Part;
 
-use crate::error::Result;
+use crate::error::{Result, counted};
 use crate::normals;
 use crate::source::Source;
 
@@ -59,8 +59,9 @@ pub(super) fn make(
         made.push(Part { mesh, normals: own_normals, material: 0 });
     }
     if replaced > 0 {
-        warnings
-            .push(format!("{replaced} normals that are missing or of no length were replaced."));
+        let one = "normal that is missing or of no length was";
+        let several = "normals that are missing or of no length were";
+        warnings.push(format!("{} replaced.", counted(replaced as u64, one, several)));
     }
     Ok(made)
 }

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use crate::error::{DAMAGED, Fault, Place, Result, quote};
+use crate::error::{DAMAGED, Fault, Place, Result, counted, quote};
 use crate::polygon::{Splitter, quad_splits_at_0};
 use crate::source::Source;
 use crate::text::{self, Lines, Words};
@@ -88,9 +88,7 @@ impl<'s, 'a> Reader<'s, 'a> {
         let mut joined = Vec::new();
         while let Some(line) = lines.next() {
             let number = lines.number;
-            if number.is_multiple_of(POLL_LINES) {
-                self.source.check_cancelled()?;
-            }
+            self.poll(number)?;
             let Some(start) = line.strip_suffix(b"\\") else {
                 self.statement(line, number)?;
                 continue;
@@ -98,7 +96,8 @@ impl<'s, 'a> Reader<'s, 'a> {
             // A backslash at its end continues a line.
             joined.clear();
             self.append(&mut joined, start)?;
-            for line in lines.by_ref() {
+            while let Some(line) = lines.next() {
+                self.poll(lines.number)?;
                 joined.push(b' ');
                 match line.strip_suffix(b"\\") {
                     Some(line) => self.append(&mut joined, line)?,
@@ -120,6 +119,14 @@ impl<'s, 'a> Reader<'s, 'a> {
         }
     }
 
+    /// Looks at the caller's flag at every few thousandth line.
+    fn poll(&self, number: u64) -> Result<()> {
+        if number.is_multiple_of(POLL_LINES) {
+            return self.source.check_cancelled();
+        }
+        Ok(())
+    }
+
     fn append(&self, joined: &mut Vec<u8>, line: &[u8]) -> Result<()> {
         self.source.make_room(joined, line.len() + 1, "a line")?;
         joined.extend_from_slice(line);
@@ -133,13 +140,13 @@ impl<'s, 'a> Reader<'s, 'a> {
             warnings.push(format!("OBJ {what} are not read."));
         }
         if let Some((line, word)) = &self.first_unknown {
-            let lines = self.unknown;
+            let lines = counted(self.unknown, "line starts", "lines start");
             let first = format!("the first is line {line} with {word}");
-            warnings.push(format!("{lines} lines start with no known word, {first}; left out."));
+            warnings.push(format!("{lines} with no known word, {first}; left out."));
         }
         if self.too_small > 0 {
-            let faces = self.too_small;
-            warnings.push(format!("{faces} faces have fewer than three corners; left out."));
+            let faces = counted(self.too_small, "face has", "faces have");
+            warnings.push(format!("{faces} fewer than three corners; left out."));
         }
         warnings
     }

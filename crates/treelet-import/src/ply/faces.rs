@@ -1,6 +1,6 @@
 //! The faces and triangle strips of a PLY file.
 
-use crate::error::{DAMAGED, Place, Result};
+use crate::error::{DAMAGED, Place, Result, counted};
 use crate::polygon::{Splitter, quad_splits_at_0};
 use crate::source::Source;
 
@@ -36,7 +36,8 @@ impl<'s, 'a> Faces<'s, 'a> {
     /// What was left out.
     pub(super) fn warnings(&self) -> Option<String> {
         let faces = self.too_small;
-        (faces > 0).then(|| format!("{faces} faces have fewer than three corners; left out."))
+        let counted = counted(faces, "face has", "faces have");
+        (faces > 0).then(|| format!("{counted} fewer than three corners; left out."))
     }
 
     /// Reads all rows of an element of faces or strips.

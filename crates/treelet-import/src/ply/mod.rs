@@ -20,7 +20,7 @@ use treelet::Mesh;
 use treelet_model::{Material, Model, Object, Part, Placement};
 
 use crate::catalogue::{Importer, Info};
-use crate::error::{Place, Result};
+use crate::error::{Place, Result, counted, quote};
 use crate::normals;
 use crate::source::Source;
 use crate::text;
@@ -68,6 +68,8 @@ fn read_body<'a, R: Rows<'a>>(source: &Source<'a>, header: &Header, mut rows: R)
     let mut faces = Faces::new(source);
     let mut waiting: Vec<(&Element, R)> = Vec::new();
     let mut warnings = Vec::new();
+    let mut unread = 0;
+    let mut first_unread: Option<&String> = None;
     for element in &header.elements {
         rows.check_room(element)?;
         match element.name.as_str() {
@@ -82,8 +84,8 @@ fn read_body<'a, R: Rows<'a>>(source: &Source<'a>, header: &Header, mut rows: R)
             _ => {
                 rows.skip(element)?;
                 if element.count > 0 {
-                    let name = &element.name;
-                    warnings.push(format!("The PLY element \"{name}\" is not read."));
+                    unread += 1;
+                    first_unread.get_or_insert(&element.name);
                 }
             }
         }
@@ -98,9 +100,18 @@ fn read_body<'a, R: Rows<'a>>(source: &Source<'a>, header: &Header, mut rows: R)
     for (element, mut rows) in waiting {
         faces.read(element, &mut rows, &vertices.positions)?;
     }
+    if let Some(name) = first_unread {
+        let name = quote(name.as_bytes());
+        warnings.push(match unread {
+            1 => format!("The PLY element {name} is not read."),
+            _ => format!("{unread} PLY elements are not read; the first is {name}."),
+        });
+    }
     let rest = rows.rest();
     if rest > 0 {
-        warnings.push(format!("{rest} bytes after the last element are not read."));
+        let one = "byte after the last element is";
+        let several = "bytes after the last element are";
+        warnings.push(format!("{} not read.", counted(rest, one, several)));
     }
     Ok(model(vertices, faces, warnings))
 }
@@ -112,7 +123,7 @@ fn model(vertices: Vertices, faces: Faces<'_, '_>, mut warnings: Vec<String>) ->
     let normals = vertices.normals.map(|mut array| {
         let replaced = normals::repair(&mut array, &mesh);
         if replaced > 0 {
-            warnings.push(format!("{replaced} normals of no length were replaced."));
+            warnings.push(normals::replaced(replaced));
         }
         array.into()
     });

@@ -39,7 +39,10 @@ pub(super) fn read<'a, R: Rows<'a>>(
     if element.find(&["red", "diffuse_red", "r"]).is_some() {
         warnings.push("Vertex colours are not read.".to_owned());
     }
-    let count = element.count as usize;
+    let Ok(count) = usize::try_from(element.count) else {
+        let found = format!("{} vertices are more than this machine can address", element.count);
+        return Err(source.broken(Place::Line(element.line), found, "split the file"));
+    };
     let mut positions = source.vec(count, "vertex positions")?;
     let mut normals = if has_normals { Some(source.vec(count, "vertex normals")?) } else { None };
 

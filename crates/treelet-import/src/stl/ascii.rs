@@ -2,7 +2,7 @@
 
 use treelet_model::Model;
 
-use crate::error::{DAMAGED, Place, Result, quote};
+use crate::error::{DAMAGED, Place, Result, counted, quote};
 use crate::polygon::Splitter;
 use crate::source::Source;
 use crate::text::{self, Lines, Words};
@@ -51,7 +51,10 @@ pub(super) fn read(source: &Source<'_>) -> Result<Model> {
     }
     let warnings = match reader.split_facets {
         0 => vec![],
-        count => vec![format!("{count} facets have more than three corners; split.")],
+        count => {
+            let facets = counted(count, "facet has", "facets have");
+            vec![format!("{facets} more than three corners; split.")]
+        }
     };
     super::model(source, reader.name.unwrap_or_default(), reader.solids, warnings)
 }

@@ -2,7 +2,7 @@
 
 use treelet_model::Model;
 
-use crate::error::{DAMAGED, Place, Result};
+use crate::error::{DAMAGED, Place, Result, counted};
 use crate::source::Source;
 
 /// Free text, then the count.
@@ -32,7 +32,8 @@ pub(super) fn read(source: &Source<'_>) -> Result<Model> {
         return Err(source.broken(Place::Byte(0), found, DAMAGED));
     };
     let needed = HEADER as u64 + count as u64 * ROW as u64;
-    let Some(rows) = bytes[HEADER..].get(..count * ROW) else {
+    let len = count.checked_mul(ROW);
+    let Some(rows) = len.and_then(|len| bytes[HEADER..].get(..len)) else {
         let found = format!(
             "{count} triangles need {needed} bytes, the file has {} and does not start with \
              \"solid\"",
@@ -47,7 +48,11 @@ pub(super) fn read(source: &Source<'_>) -> Result<Model> {
     let rest = bytes.len() as u64 - needed;
     let warnings = match rest {
         0 => vec![],
-        _ => vec![format!("{rest} bytes after the last triangle are not read.")],
+        _ => {
+            let one = "byte after the last triangle is";
+            let several = "bytes after the last triangle are";
+            vec![format!("{} not read.", counted(rest, one, several))]
+        }
     };
 
     // Take three corners from each row.
