@@ -158,7 +158,8 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     }
     drop(line);
 
-    let hits_of_ray = flags.ray.map(|RayText(ray)| brute.all(&ray).iter().map(report_hit).collect());
+    let hits_of_ray =
+        flags.ray.map(|RayText(ray)| brute.all(&ray).iter().map(report_hit).collect());
     let report = Report {
         scene: input.name,
         seed: flags.seed,
@@ -266,7 +267,9 @@ fn tell(report: &Report) {
     say(&format!(
         "  {} against brute force{}",
         text::count(rays_by_brute_force),
-        if by_stand_in == 0 { String::new() } else {
+        if by_stand_in == 0 {
+            String::new()
+        } else {
             format!(", {} against {}", text::count(by_stand_in), report.stand_in)
         },
     ));

@@ -14,6 +14,10 @@ fn wrong_words_are_usage_errors() {
         "render --spp 2 --time 1",
         "render --time 0",
         "render --time nan",
+        "render --time 2e19",
+        "render --time 1e300",
+        "render -o x.jpg",
+        "render -o x",
         "render --size 0x720",
         "render --size 1280",
         "render --size 4000000000x4000000000",
@@ -32,6 +36,7 @@ fn wrong_words_are_usage_errors() {
         let run = folder.run(line).ends(2);
         assert_eq!(run.stdout, "", "{line}");
         assert_ne!(run.stderr, "", "{line}");
+        assert!(!run.stderr.contains("panicked"), "{line}: {}", run.stderr);
     }
     assert_eq!(folder.files(), ["scene.obj"]);
 }
@@ -84,4 +89,23 @@ fn invalid_triangles_are_an_error_if_asked() {
     let run = folder.run(&format!("{line} --json")).ends(0);
     assert_eq!(run.json("render")["skipped_triangles"], 1);
     assert!(run.stderr.contains("1 triangle left out"), "{}", run.stderr);
+}
+
+#[test]
+fn the_scene_is_not_written_over() {
+    let folder = Folder::new();
+    // The content tells that it is PLY.
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n\
+        property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n\
+        0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    folder.write("p.depth.png", ply);
+    for line in ["-o p.depth.png", "-o ../{}/p.depth.png", "-o p.png --aov depth"] {
+        let name = folder.path("").file_name().unwrap().to_str().unwrap().to_owned();
+        let line = format!("render p.depth.png --size 8x8 --spp 1 {}", line.replace("{}", &name));
+        let run = folder.run(&line).ends(2);
+        assert!(run.stderr.contains("is the scene"), "{line}: {}", run.stderr);
+        assert_eq!(folder.read("p.depth.png"), ply.as_bytes());
+    }
+    folder.run("render p.depth.png --size 8x8 --spp 1 -o p.png").ends(0);
+    assert_eq!(folder.files(), ["p.depth.png", "p.png"]);
 }
