@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use clap::builder::RangedU64ValueParser;
+use clap::builder::{PathBufValueParser, RangedU64ValueParser, TypedValueParser as _};
 use serde::Serialize;
 use treelet::BuildOptions;
 use treelet_model::{Camera, PlacedModel};
@@ -37,7 +37,7 @@ pub(crate) struct Flags {
     scene: Option<PathBuf>,
 
     /// The picture to write, as PNG; its name ends in .png.
-    #[arg(short, long, default_value = "treelet.png", value_name = "FILE.png", value_parser = png_file)]
+    #[arg(short, long, default_value = "treelet.png", value_name = "FILE.png", value_parser = PathBufValueParser::new().try_map(png_file))]
     output: PathBuf,
 
     /// Width and height in pixels.
@@ -157,10 +157,9 @@ impl FromStr for Size {
 }
 
 /// The name of a picture; other formats are not written, so other names would lie.
-fn png_file(text: &str) -> Result<PathBuf, String> {
-    let file = PathBuf::from(text);
+fn png_file(file: PathBuf) -> Result<PathBuf, &'static str> {
     let png = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
-    if png { Ok(file) } else { Err("pictures are PNG: a name that ends in .png is needed".into()) }
+    if png { Ok(file) } else { Err("pictures are PNG: a name that ends in .png is needed") }
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {
