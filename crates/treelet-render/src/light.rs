@@ -1,8 +1,9 @@
 //! Everything that shines, and how to draw a direction toward it.
 //!
 //! One sample goes to the sky (gradient and sun) or to one emissive triangle, as their shares of the
-//! light at the point are guessed, and among the triangles by world area times luminance. As that weight is the same per area for one material, the density of a point on
-//! any light needs no table: luminance over the total. Triangles shine on both sides.
+//! light at the point are guessed, and among the triangles by world area times luminance. As that
+//! weight is the same per area for one material, the density of a point on any light needs no table:
+//! luminance over the total. Triangles shine on both sides.
 
 use crate::alias::AliasTable;
 use crate::color;
@@ -158,19 +159,27 @@ impl Lights {
 
 impl Emitters {
     fn new(surfaces: &Surfaces<'_>, materials: &[Material]) -> Result<Option<Self>, RenderError> {
+        // All room at once: a lamp of many triangles that is placed often is refused, not begun.
+        let emissive = |placement: usize| {
+            let luminance = |m: u32| f64::from(color::luminance(materials[m as usize].emission));
+            let parts = surfaces.materials(placement).map(luminance).enumerate();
+            parts.filter(|&(_, luminance)| luminance > 0.0)
+        };
+        let count = (0..surfaces.placements())
+            .flat_map(|placement| emissive(placement).map(move |(geom, _)| (placement, geom)))
+            .map(|(placement, geom)| surfaces.triangles(placement, geom) as u64)
+            .fold(0_u64, u64::saturating_add);
+        let bytes = count.saturating_mul((size_of::<Place>() + size_of::<f64>()) as u64);
+        let too_many = RenderError::OutOfMemory { bytes, what: "the list of lights" };
+        let Ok(room) = u32::try_from(count) else { return Err(too_many) };
         let (mut places, mut weights) = (Vec::new(), Vec::new());
+        let refused = |_| RenderError::OutOfMemory { bytes, what: "the list of lights" };
+        places.try_reserve_exact(room as usize).map_err(refused)?;
+        weights.try_reserve_exact(room as usize).map_err(refused)?;
+
         for placement in 0..surfaces.placements() {
-            for (geom, material) in surfaces.materials(placement).enumerate() {
-                let luminance = f64::from(color::luminance(materials[material as usize].emission));
-                if luminance <= 0.0 {
-                    continue;
-                }
-                let triangles = surfaces.triangles(placement, geom);
-                let bytes = (triangles * (size_of::<Place>() + 8)) as u64;
-                let refused = |_| RenderError::OutOfMemory { bytes, what: "the list of lights" };
-                places.try_reserve(triangles).map_err(refused)?;
-                weights.try_reserve(triangles).map_err(refused)?;
-                for prim in 0..triangles {
+            for (geom, luminance) in emissive(placement) {
+                for prim in 0..surfaces.triangles(placement, geom) {
                     let (placement, geom, prim) = (placement as u32, geom as u32, prim as u32);
                     let place = Place { placement, geom, prim };
                     if let Some(area) = surfaces.area(place) {

@@ -35,7 +35,8 @@ fn star(around: u32, rings: u32, radius: impl Fn(usize) -> f32) -> Shape {
         let polar = core::f32::consts::PI * ring as f32 / rings as f32;
         for step in 0..around {
             let turn = core::f32::consts::TAU * step as f32 / around as f32;
-            positions.push([polar.sin() * turn.cos(), polar.sin() * turn.sin(), polar.cos()]);
+            let (sin, cos) = (libm::sinf(polar), libm::cosf(polar));
+            positions.push([sin * libm::cosf(turn), sin * libm::sinf(turn), cos]);
         }
     }
     positions.push([0.0, 0.0, -1.0]);

@@ -1,6 +1,6 @@
 //! Awkward scenes, as plain arrays: what builders and walks get wrong first.
 //!
-//! Not published; it depends on nothing, so that the library can use it in its own tests.
+//! Not published; it depends on nothing of ours, so that the library can use it in its own tests.
 
 pub mod awkward;
 pub mod closed;

@@ -52,3 +52,21 @@ fn every_tree_is_valid() {
         }
     }
 }
+
+/// The whole pile, with fewer rays: each meets all of it or nothing.
+#[test]
+fn a_hundred_thousand_equal_triangles_are_answered() {
+    let pile =
+        awkward::all(100_000).into_iter().find(|scene| scene.shape.triangles.len() == 100_000);
+    let pile = pile.expect("a pile of 100,000 is on the list");
+    for &builder in build::ALL {
+        let built = build(&pile.shape, builder);
+        let brute = BruteForce::new(&built);
+        let rays = verify::rays(&built, 30, SEED);
+        let hits: u64 = rays.iter().map(|ray| built.count(ray)).sum();
+        assert!(hits >= 500_000, "{hits} hits test little");
+        if let Err(mismatch) = verify::check_many(&built, &rays, |ray| brute.all(ray)) {
+            panic!("{}, seed {SEED:#x}: {:?}", builder.info().name, mismatch.ray);
+        }
+    }
+}

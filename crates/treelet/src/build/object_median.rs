@@ -141,7 +141,8 @@ mod tests {
         let stage = Stage::new(&context, "test", 0);
         let item = |prim: u32| PrimRef { bounds: Aabb::EMPTY, prim };
         // A multiplicative hash: values all over u32, some of them equal.
-        let keys: Vec<u32> = (0..5000_u32).map(|i| (i % 1700).wrapping_mul(2_654_435_761)).collect();
+        let keys: Vec<u32> =
+            (0..5000_u32).map(|i| (i % 1700).wrapping_mul(2_654_435_761)).collect();
         let refs: Vec<_> = (0..5000).map(item).collect();
         let mut sorted = keys.clone();
         sorted.sort_unstable();

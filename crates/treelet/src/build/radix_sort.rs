@@ -4,7 +4,9 @@
 //! comparison sort in one call is not, and because bottom-up builders will sort Morton codes with
 //! it. 16 bytes a key of scratch; about 10 ns a key on one core.
 
-use crate::context::{Cancelled, Stage};
+use super::BuildError;
+use crate::context::Stage;
+use crate::memory;
 use alloc::vec::Vec;
 
 /// Bits that order like the (never NaN) float: -0 sorts just below 0.
@@ -22,8 +24,8 @@ const DIGIT_BITS: u32 = 8;
 const CHUNK: usize = 65_536;
 
 /// Sorts by key; entries with equal keys keep their order.
-pub(super) fn sort(mut items: Vec<Keyed>, stage: &Stage<'_>) -> Result<Vec<Keyed>, Cancelled> {
-    let mut spare = Vec::with_capacity(items.len());
+pub(super) fn sort(mut items: Vec<Keyed>, stage: &Stage<'_>) -> Result<Vec<Keyed>, BuildError> {
+    let mut spare = memory::try_with_capacity(items.len(), "sorting")?;
     for chunk in items.chunks(CHUNK) {
         stage.check()?;
         spare.extend_from_slice(chunk);

@@ -61,10 +61,7 @@ impl Builder for SweepSah {
 /// Place `i` of the three lists: the primitives of rank `i` by center along x, y and z.
 type Ranked = [u32; 3];
 
-fn sort_on_three_axes(
-    bounds: &[Aabb],
-    context: &Context<'_>,
-) -> Result<Vec<Ranked>, BuildError> {
+fn sort_on_three_axes(bounds: &[Aabb], context: &Context<'_>) -> Result<Vec<Ranked>, BuildError> {
     let stage = Stage::new(context, "sort", 3);
     let sorted = parallel::map(alloc::vec![0, 1, 2], |axis| {
         let mut keyed = memory::try_with_capacity::<Keyed>(bounds.len(), "sort keys")?;
@@ -136,7 +133,8 @@ impl Splitter for Sweep<'_> {
         let Some(place) = best else { return Ok(None) };
         let count = range.slots.len();
         let area = range.extent.bounds.half_area();
-        let split_pays = place.cost + f64::from(self.options.visit_cost) * area < count as f64 * area;
+        let split_pays =
+            place.cost + f64::from(self.options.visit_cost) * area < count as f64 * area;
         if count <= self.options.leaf_max as usize && !split_pays {
             return Ok(None);
         }

@@ -12,6 +12,7 @@
 use super::{BuildError, LEAF_MAX};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage, parallel};
+use crate::memory;
 use crate::tree::{DEPTH_MAX, Node, PRIMS_MAX, Tree};
 use alloc::vec::Vec;
 
@@ -127,11 +128,15 @@ pub(crate) fn build<P: Splitter>(
         stage.advance(size as u64);
         subtree.map(|subtree| (node, subtree))
     });
+    let mut made = Vec::with_capacity(subtrees.len());
     for subtree in subtrees {
-        let (node, subtree) = subtree?;
-        append(&mut nodes, node, &subtree);
+        made.push(subtree?);
     }
-    let prims = slots.iter().map(P::prim).collect();
+    let more = made.iter().map(|(_, subtree)| subtree.nodes.len()).sum();
+    memory::try_reserve(&mut nodes, more, "the tree's nodes")?;
+    made.iter().for_each(|(node, subtree)| append(&mut nodes, *node, subtree));
+    let mut prims = memory::try_with_capacity(count, "the tree's primitives")?;
+    prims.extend(slots.iter().map(P::prim));
     Ok(Tree { nodes, prims })
 }
 

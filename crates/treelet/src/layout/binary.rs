@@ -15,8 +15,9 @@
 
 use crate::bounds::Aabb;
 use crate::bounds::slab::{BoxPair, pair};
-use crate::build::Info;
+use crate::build::{BuildError, Info};
 use crate::context::{Cancel, Cancelled};
+use crate::memory;
 use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
 
@@ -137,14 +138,15 @@ pub(crate) fn lower(
     bounds: &[Aabb],
     triangles: usize,
     cancel: &Cancel,
-) -> Result<Lowered, Cancelled> {
+) -> Result<Lowered, BuildError> {
+    let instances = tree.prims.len() - triangles;
     let mut lowering = Lowering {
         tree,
         bounds,
         first_instance: triangles as u32,
-        nodes: Vec::with_capacity(tree.nodes.len() / 2),
-        triangles: Vec::with_capacity(triangles),
-        instances: Vec::with_capacity(tree.prims.len() - triangles),
+        nodes: memory::try_with_capacity(tree.nodes.len() / 2, "packed nodes")?,
+        triangles: memory::try_with_capacity(triangles, "the order of triangles")?,
+        instances: memory::try_with_capacity(instances, "the order of instances")?,
     };
     let root = lowering.run(cancel)?;
     Ok(Lowered {

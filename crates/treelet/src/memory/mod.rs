@@ -80,9 +80,18 @@ pub struct OutOfMemory {
 /// An empty vector with room for `len` items, or an error instead of an abort.
 pub(crate) fn try_with_capacity<T>(len: usize, what: &'static str) -> Result<Vec<T>, OutOfMemory> {
     let mut items = Vec::new();
-    let bytes = (len as u64).saturating_mul(size_of::<T>() as u64);
-    items.try_reserve_exact(len).map_err(|_| OutOfMemory { bytes, what })?;
+    try_reserve(&mut items, len, what)?;
     Ok(items)
+}
+
+/// Room for `more` items, or an error instead of an abort.
+pub(crate) fn try_reserve<T>(
+    items: &mut Vec<T>,
+    more: usize,
+    what: &'static str,
+) -> Result<(), OutOfMemory> {
+    let bytes = (more as u64).saturating_mul(size_of::<T>() as u64);
+    items.try_reserve(more).map_err(|_| OutOfMemory { bytes, what })
 }
 
 /// `len` copies of `item`, or an error instead of an abort.

@@ -93,8 +93,8 @@ fn add_triangles(
     if all > PRIMS_MAX {
         return Err(BuildError::TooManyPrims { prims: all as u64 }.into());
     }
-    reserve(&mut prims.bounds, count, "primitive boxes")?;
-    reserve(&mut prims.names, count, "primitive names")?;
+    memory::try_reserve(&mut prims.bounds, count, "primitive boxes")?;
+    memory::try_reserve(&mut prims.names, count, "primitive names")?;
     let chunks = parallel::map_chunks(mesh.triangles(), CHUNK, |first, triangles| {
         options.context.cancel.check()?;
         Ok(check(geom, mesh, first..first + triangles.len()))
@@ -117,12 +117,6 @@ fn add_triangles(
         skipped.bad_vertex += chunk.skipped.bad_vertex;
         skipped.first_triangle = skipped.first_triangle.or(chunk.skipped.first_triangle);
     }
-    Ok(())
-}
-
-fn reserve<T>(items: &mut Vec<T>, more: usize, what: &'static str) -> Result<(), SceneError> {
-    let bytes = (more as u64).saturating_mul(size_of::<T>() as u64);
-    items.try_reserve(more).map_err(|_| memory::OutOfMemory { bytes, what })?;
     Ok(())
 }
 

@@ -71,8 +71,9 @@ impl SceneBuilder {
     }
 
     /// Places a scene into this one; it is shared, not copied. Mirrored and non-uniformly scaled
-    /// maps are fine; a singular one, or one that f32 cannot invert, is invalid input. A ray whose
-    /// direction, seen from inside, leaves the range of [`crate::Ray::is_valid`] meets nothing there.
+    /// maps are fine; a singular one, one that f32 cannot invert, or one that scales by more than
+    /// `2^80` either way is invalid input. A ray whose direction, seen from inside, leaves the range
+    /// of [`crate::Ray::is_valid`] meets nothing there: none of unit length does.
     #[must_use]
     pub fn instance(self, scene: &Scene, world_from_object: Affine) -> Self {
         self.instance_masked(scene, world_from_object, u32::MAX)

@@ -19,7 +19,7 @@ pub enum SceneError {
         /// What is wrong.
         defect: Defect,
     },
-    /// An instance's map is singular, not finite, or puts it too far away.
+    /// An instance's map is singular, not finite, extreme, or puts it too far away.
     #[error("instance {instance}: {defect}; mend the transform, or build with `Invalid::Skip`")]
     Instance {
         /// Which instance of the scene.
@@ -66,6 +66,12 @@ pub enum InstanceDefect {
     /// An entry is NaN or infinite.
     #[error("the matrix {rows:?} has an entry that is not finite")]
     NotFinite {
+        /// The matrix.
+        rows: [[f32; 4]; 3],
+    },
+    /// The map lengthens or shortens too much.
+    #[error("the matrix {rows:?} scales by more than 2^80, or less than 2^-80")]
+    Scale {
         /// The matrix.
         rows: [[f32; 4]; 3],
     },

@@ -16,6 +16,10 @@ use alloc::vec::Vec;
 /// relative to the largest of its row: a matrix for which f32 cannot do that is as good as singular.
 const FIDELITY: f64 = 1.0 / 1024.0;
 
+/// Maps may lengthen and shorten by this much: a ray of any common length then stays, seen from
+/// inside, within the lengths at which rays are answered (`Ray::is_valid`).
+const SCALE_MAX: f64 = (1_u128 << 80) as f64;
+
 /// The instances of a level, and what follows from where they are.
 pub(super) struct Placements {
     /// In the caller's order; a skipped one keeps its number and has an empty box.
@@ -129,6 +133,10 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     if !is_faithful(&exact, &placed.world_from_object) {
         return Err(singular);
     }
+    let there = object_from_world.0.map(|row| row.map(f64::from));
+    if largest(&there) > SCALE_MAX || largest(&exact) > SCALE_MAX {
+        return Err(InstanceDefect::Scale { rows });
+    }
     if placed.structure.layout.bounds.is_empty() {
         return Ok(Place { object_from_world, exact, ..Place::NOWHERE });
     }
@@ -152,6 +160,11 @@ fn is_faithful(exact: &[[f64; 4]; 3], given: &Affine) -> bool {
         };
         exact[..3].iter().zip(&given[..3]).all(near)
     })
+}
+
+/// The largest entry of the linear part.
+fn largest(map: &[[f64; 4]; 3]) -> f64 {
+    map.iter().flat_map(|row| &row[..3]).fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
 fn is_near(bounds: &Aabb) -> bool {
