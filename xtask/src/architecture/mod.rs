@@ -75,7 +75,7 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
 
     // The map shows what exists.
     let page = root.join("ARCHITECTURE.md");
-    if page.exists() {
+    if page.is_file() {
         let folders: Vec<String> =
             ["crates", LIBRARY].into_iter().flat_map(|folder| folders(root, folder)).collect();
         let exists = |path: &str| root.join(path).exists();
@@ -83,7 +83,8 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
         let facts = map::Facts { folders: &folders, library, exists: &exists };
         problems.extend(map::check("ARCHITECTURE.md", &read(&page)?, &facts));
     } else {
-        eprintln!("  ARCHITECTURE.md does not exist; its map is not checked");
+        let what = "the page with the map of the repository is missing".to_owned();
+        problems.push(Problem { file: "ARCHITECTURE.md".into(), line: 1, what });
     }
 
     problems.sort();
@@ -109,7 +110,7 @@ fn folders(root: &Path, folder: &str) -> Vec<String> {
 }
 
 /// Every `.rs` file under `folder`, sorted; build outputs and hidden folders are left out.
-fn rust_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
+pub(crate) fn rust_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -160,5 +161,22 @@ mod tests {
         let problems = super::check(root).unwrap();
         let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
         assert!(lines.is_empty(), "{}", lines.join("\n"));
+    }
+
+    /// The page is not optional.
+    #[test]
+    fn a_missing_map_is_a_problem() {
+        let root = std::env::temp_dir().join(format!("xtask-map-{}", std::process::id()));
+        for folder in [super::LIBRARY, "xtask"] {
+            std::fs::create_dir_all(root.join(folder)).unwrap();
+        }
+        for manifest in ["Cargo.toml", "xtask/Cargo.toml"] {
+            std::fs::write(root.join(manifest), "[workspace.dependencies]\n").unwrap();
+        }
+        let problems = super::check(&root);
+        std::fs::remove_dir_all(&root).unwrap();
+        let problems = problems.unwrap();
+        let missing = |problem: &super::Problem| problem.what.contains("map") && problem.line == 1;
+        assert!(problems.iter().any(missing), "{problems:?}");
     }
 }
