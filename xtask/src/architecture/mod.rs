@@ -6,6 +6,7 @@
 
 mod crates;
 mod layers;
+mod links;
 mod map;
 mod source;
 mod wall;
@@ -15,6 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// The folder whose folders have an order.
 const LIBRARY: &str = "crates/treelet/src";
+
+/// The pages at the root whose links are followed.
+const PAPERS: [&str; 3] = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"];
 
 /// One broken rule, where it is broken.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -85,6 +89,13 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
     } else {
         let what = "the page with the map of the repository is missing".to_owned();
         problems.push(Problem { file: "ARCHITECTURE.md".into(), line: 1, what });
+    }
+
+    // The papers lead to what exists.
+    for paper in PAPERS {
+        if let Ok(page) = read(&root.join(paper)) {
+            problems.extend(links::check(paper, &page, &|path| root.join(path).exists()));
+        }
     }
 
     problems.sort();
