@@ -2,6 +2,7 @@
 //! must pass; continuous integration calls nothing else.
 
 mod architecture;
+mod formatting;
 mod setup;
 mod step;
 mod test;

@@ -61,6 +61,11 @@ pub(crate) fn cargo_with(
     let shown = format!("cargo {}", arguments.join(" "));
     let shown =
         variables.iter().fold(shown, |shown, (name, value)| format!("{name}='{value}' {shown}"));
+    announced(&mut command, &shown)
+}
+
+/// Runs a command under the name that it is `shown` by.
+pub(crate) fn announced(command: &mut Command, shown: &str) -> Result<(), String> {
     eprintln!("  $ {shown}");
     match command.status() {
         Ok(status) if status.success() => Ok(()),

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use crate::step::{Steps, cargo, cargo_has, cargo_with};
-use crate::{architecture, setup};
+use crate::{architecture, formatting, setup};
 
 /// The profile of every step, as Cargo's options name it.
 const PROFILE: &str = "--profile=checked";
@@ -21,7 +21,7 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
     steps.run("set-up", || setup::run(root))?;
     // The checks that need no compiling come first.
     steps.run("architecture", || architecture::run(root))?;
-    steps.run("formatting", || cargo(root, &["fmt", "--all", "--check"]))?;
+    steps.run("formatting", || formatting::run(root))?;
     steps.run("lints", || {
         let lints = ["clippy", "--workspace", "--all-targets", PROFILE, "--", "-D", "warnings"];
         cargo(root, &lints)

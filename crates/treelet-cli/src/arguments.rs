@@ -49,6 +49,13 @@ pub(crate) fn joined(words: impl IntoIterator<Item = OsString>) -> Vec<OsString>
             Some(_) => joined.extend(camera.take().filter(|value| !value.is_empty())),
             None => {}
         }
+        // `--camera=from=..` is `--camera` and the first of its words.
+        let value = word.to_str().and_then(|word| word.strip_prefix("--camera="));
+        if let Some(value) = value.filter(|value| !value.is_empty()) {
+            camera = Some(value.into());
+            joined.push("--camera".into());
+            continue;
+        }
         if word == "--camera" {
             camera = Some(OsString::new());
         }
@@ -80,6 +87,12 @@ mod tests {
         );
         assert_eq!(words("--camera|from=1 at=2|x"), ["--camera", "from=1 at=2", "x"]);
         assert_eq!(words("--camera|at=1"), ["--camera", "at=1"]);
+        assert_eq!(
+            words("render|--camera=from=0,0,1|at=0,0,0|scene.ply"),
+            ["render", "--camera", "from=0,0,1 at=0,0,0", "scene.ply"]
+        );
+        assert_eq!(words("--camera=from=1 at=2|x"), ["--camera", "from=1 at=2", "x"]);
+        assert_eq!(words("--camera=|x"), ["--camera=", "x"]);
         assert_eq!(words("--camera|--json"), ["--camera", "--json"]);
         assert_eq!(words("at=1|x"), ["at=1", "x"]);
     }

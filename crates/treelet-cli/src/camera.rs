@@ -60,7 +60,11 @@ impl CameraWords {
 pub(crate) fn words(camera: &Camera) -> String {
     let from = camera.position();
     let forward = camera.world_from_camera.vector([0.0, 0.0, -1.0]);
-    let at: [f32; 3] = std::array::from_fn(|axis| from[axis] + forward[axis]);
+    // Far from the origin, where a step of 1 would be lost, look at something as far away.
+    let length = |v: [f32; 3]| v.map(f64::from).iter().map(|x| x * x).sum::<f64>().sqrt();
+    let step = length(from).max(1.0) / length(forward);
+    let along = |axis: usize| f64::from(from[axis]) + step * f64::from(forward[axis]);
+    let at: [f32; 3] = std::array::from_fn(|axis| along(axis) as f32);
     let point = |[x, y, z]: [f32; 3]| format!("{x:?},{y:?},{z:?}");
     format!("from={} at={} fov={:?}", point(from), point(at), camera.vertical_fov.to_degrees())
 }

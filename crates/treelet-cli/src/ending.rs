@@ -11,6 +11,13 @@ const CHECK_FAILED: u8 = 3;
 /// Somebody pressed Ctrl-C: 128 plus the number of SIGINT.
 pub(crate) const CANCELLED: u8 = 130;
 
+/// What the libraries advise, and what does it here.
+const REMEDIES: [(&str, &str); 3] = [
+    ("build with `Invalid::Skip`", "leave it out with --invalid skip"),
+    ("`Limits::max_bytes`", "--max-bytes"),
+    ("`Limits::max_ratio`", "--max-ratio"),
+];
+
 /// The end of a verb that has something to report.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Ending {
@@ -33,8 +40,8 @@ impl Ending {
 /// The end of a verb that has nothing to report.
 #[derive(Debug)]
 pub(crate) enum Failure {
-    /// What was asked for cannot be done.
-    Error(Box<dyn Error + Send + Sync>),
+    /// What was asked for cannot be done; perhaps a flag would let it be done.
+    Error { error: Box<dyn Error + Send + Sync>, flag: Option<&'static str> },
     /// The command line is wrong in a way that only shows later.
     Usage(String),
     /// Cancelled before there was anything to keep.
@@ -44,13 +51,21 @@ pub(crate) enum Failure {
 impl Failure {
     /// A failure told in a sentence.
     pub(crate) fn told(sentence: impl Into<String>) -> Self {
-        Self::Error(sentence.into().into())
+        Self::Error { error: sentence.into().into(), flag: None }
+    }
+
+    /// A failure that a flag of the command would prevent.
+    pub(crate) fn with_flag(
+        error: impl Error + Send + Sync + 'static,
+        flag: Option<&'static str>,
+    ) -> Self {
+        Self::Error { error: Box::new(error), flag }
     }
 
     /// The exit code.
     pub(crate) const fn code(&self) -> u8 {
         match self {
-            Self::Error(_) => ERROR,
+            Self::Error { .. } => ERROR,
             Self::Usage(_) => USAGE,
             Self::Cancelled => CANCELLED,
         }
@@ -61,7 +76,7 @@ impl Failure {
         match self {
             Self::Usage(sentence) => vec![sentence.clone()],
             Self::Cancelled => vec!["cancelled; nothing was written".into()],
-            Self::Error(error) => {
+            Self::Error { error, flag } => {
                 let mut lines = vec![error.to_string()];
                 let mut cause = error.source();
                 while let Some(error) = cause {
@@ -72,6 +87,17 @@ impl Failure {
                     }
                     cause = error.source();
                 }
+                // Name the flag where the library names its own function, or none.
+                for line in &mut lines {
+                    for (library, command) in REMEDIES {
+                        *line = line.replace(library, command);
+                    }
+                }
+                if let (Some(flag), Some(last)) = (flag, lines.last_mut())
+                    && !last.contains(flag)
+                {
+                    *last += &format!("; the flag for that is {flag}");
+                }
                 lines
             }
         }
@@ -80,6 +106,6 @@ impl Failure {
 
 impl<E: Error + Send + Sync + 'static> From<E> for Failure {
     fn from(error: E) -> Self {
-        Self::Error(Box::new(error))
+        Self::with_flag(error, None)
     }
 }

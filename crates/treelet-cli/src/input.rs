@@ -21,6 +21,14 @@ pub(crate) struct SceneFlags {
     #[arg(long)]
     pub(crate) allow_outside: bool,
 
+    /// Bytes that reading may take in all, files and arrays together [default: 8 GiB].
+    #[arg(long, value_name = "N")]
+    pub(crate) max_bytes: Option<u64>,
+
+    /// How many times its size a file may unpack to, or be made into [default: 256].
+    #[arg(long, value_name = "N")]
+    pub(crate) max_ratio: Option<u64>,
+
     /// The axis that points up [default: y for glTF and OBJ, z for STL, for PLY the shorter of y
     /// and z].
     #[arg(long, value_enum)]
@@ -69,6 +77,45 @@ pub(crate) struct Input {
     pub(crate) time: Duration,
 }
 
+impl SceneFlags {
+    /// What the importer is told.
+    fn options(&self, session: &Session) -> treelet_import::Options {
+        let usual = treelet_import::Limits::default();
+        treelet_import::Options {
+            allow_outside: self.allow_outside,
+            limits: treelet_import::Limits {
+                max_bytes: self.max_bytes.unwrap_or(usual.max_bytes),
+                max_ratio: self.max_ratio.unwrap_or(usual.max_ratio),
+            },
+            cancel: session.cancel.clone(),
+        }
+    }
+
+    /// The words that make a scene be read in the same way, each after a space.
+    pub(crate) fn words(&self) -> String {
+        let mut words = String::new();
+        if self.allow_outside {
+            words += " --allow-outside";
+        }
+        for (flag, number) in [("--max-bytes", self.max_bytes), ("--max-ratio", self.max_ratio)] {
+            if let Some(number) = number {
+                words += &format!(" {flag} {number}");
+            }
+        }
+        words
+    }
+}
+
+/// The flag that lets a scene be read in spite of a fault.
+fn flag_against(fault: &Fault) -> Option<&'static str> {
+    match fault {
+        Fault::Outside { .. } => Some("--allow-outside"),
+        Fault::TooBig { .. } => Some("--max-bytes"),
+        Fault::Bomb { .. } | Fault::Repeats { .. } => Some("--max-ratio"),
+        _ => None,
+    }
+}
+
 impl Input {
     /// Reads the scene, or makes the built-in one.
     pub(crate) fn load(
@@ -81,16 +128,14 @@ impl Input {
             None => ("demo".to_owned(), crate::demo::demo()),
             Some(file) => {
                 let _line = Line::spinner("reading");
-                let options = treelet_import::Options {
-                    allow_outside: flags.allow_outside,
-                    cancel: session.cancel.clone(),
-                    ..Default::default()
-                };
-                let model =
-                    treelet_import::load(file, &options).map_err(|error| match error.fault {
-                        Fault::Cancelled(_) => Failure::Cancelled,
-                        _ => Failure::from(error),
-                    })?;
+                let model = treelet_import::load(file, &flags.options(session));
+                let model = model.map_err(|error| match &error.fault {
+                    Fault::Cancelled(_) => Failure::Cancelled,
+                    fault => {
+                        let flag = flag_against(fault);
+                        Failure::with_flag(error, flag)
+                    }
+                })?;
                 (file.display().to_string(), model)
             }
         };

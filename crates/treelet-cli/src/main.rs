@@ -22,14 +22,8 @@ use clap::Parser as _;
 
 fn main() -> ExitCode {
     let words = arguments::joined(std::env::args_os());
-    match arguments::Arguments::try_parse_from(words) {
+    match arguments::Arguments::try_parse_from(&words) {
         Ok(arguments) => session::run(arguments),
-        // Help and version too come this way; clap knows which stream and which exit code.
-        Err(message) => {
-            let code = message.exit_code();
-            // A closed stream is no reason to fail.
-            drop(message.print());
-            ExitCode::from(u8::try_from(code).unwrap_or(ending::ERROR))
-        }
+        Err(message) => session::refuse(&words, &message),
     }
 }

@@ -1,6 +1,8 @@
 //! Files that are whole or not there: written beside their place, flushed to the disk, then moved.
 
+use std::ffi::OsString;
 use std::fs::{self, File};
+use std::hash::{BuildHasher as _, RandomState};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -19,6 +21,9 @@ pub(crate) enum OutputError {
     Refused { file: PathBuf, error: io::Error },
 }
 
+/// Names that are tried for a temporary file; by chance not even a second one is needed.
+const TRIES: u32 = 16;
+
 /// The temporary file that is being written, for a program that must end at once.
 static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
 
@@ -26,7 +31,8 @@ static UNFINISHED: Mutex<Option<PathBuf>> = Mutex::new(None);
 #[derive(Clone, Debug)]
 pub(crate) struct Output {
     file: PathBuf,
-    temporary: PathBuf,
+    /// The folder that the file is in.
+    folder: PathBuf,
 }
 
 impl Output {
@@ -45,14 +51,8 @@ impl Output {
             let folder = folder.to_path_buf();
             return Err(OutputError::NoFolder { file: file.to_path_buf(), folder });
         }
-        let mut name = std::ffi::OsString::from(".");
-        name.push(target.file_name().unwrap_or_default());
-        name.push(format!(".{}.tmp", std::process::id()));
-        let output = Self { temporary: folder.join(name), file: target };
-        output.attempt(|output| {
-            File::create(&output.temporary)?;
-            fs::remove_file(&output.temporary)
-        })?;
+        let output = Self { folder: folder.to_path_buf(), file: target };
+        output.attempt(|_, temporary| fs::remove_file(temporary))?;
         Ok(output)
     }
 
@@ -63,25 +63,49 @@ impl Output {
 
     /// Puts `bytes` in the file's place: readers see the old file or all of the new one.
     pub(crate) fn replace(&self, bytes: &[u8]) -> Result<(), OutputError> {
-        self.attempt(|output| {
-            let mut file = File::create(&output.temporary)?;
+        self.attempt(|mut file, temporary| {
             file.write_all(bytes)?;
             file.sync_all()?;
             drop(file);
-            fs::rename(&output.temporary, &output.file)
+            fs::rename(temporary, &self.file)
         })
     }
 
-    /// Runs `work`; whatever it leaves unfinished is removed.
-    fn attempt(&self, work: impl FnOnce(&Self) -> io::Result<()>) -> Result<(), OutputError> {
-        *lock() = Some(self.temporary.clone());
-        let outcome = work(self);
-        if outcome.is_err() {
-            // The first error is the one to tell.
-            drop(fs::remove_file(&self.temporary));
-        }
+    /// Runs `work` on a new temporary file; whatever it leaves unfinished is removed.
+    fn attempt(&self, work: impl FnOnce(File, &Path) -> io::Result<()>) -> Result<(), OutputError> {
+        let outcome = self.create().and_then(|(file, temporary)| {
+            let outcome = work(file, &temporary);
+            if outcome.is_err() {
+                // The first error is the one to tell.
+                drop(fs::remove_file(&temporary));
+            }
+            outcome
+        });
         *lock() = None;
         outcome.map_err(|error| OutputError::Refused { file: self.file.clone(), error })
+    }
+
+    /// Makes the temporary file, anew: a file or link that somebody put there is never opened.
+    fn create(&self) -> io::Result<(File, PathBuf)> {
+        let mut tries = 0;
+        loop {
+            let mut name = OsString::from(".");
+            name.push(self.file.file_name().unwrap_or_default());
+            // The standard library seeds these hashers at random, so nobody foresees the name.
+            name.push(format!(".{:016x}.tmp", RandomState::new().hash_one(tries)));
+            let temporary = self.folder.join(name);
+            let mut unfinished = lock();
+            match File::create_new(&temporary) {
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists && tries < TRIES => {
+                    tries += 1;
+                }
+                file => {
+                    let file = file?;
+                    *unfinished = Some(temporary.clone());
+                    return Ok((file, temporary));
+                }
+            }
+        }
     }
 }
 

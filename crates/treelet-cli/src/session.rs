@@ -1,6 +1,8 @@
 //! One run of the command: threads, cancelling, the report on stdout, words on stderr.
 
-use std::io::Write as _;
+use std::ffi::OsString;
+use std::fmt;
+use std::io::{ErrorKind, Write as _};
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -9,8 +11,8 @@ use serde::Serialize;
 use treelet::Cancel;
 
 use crate::arguments::Arguments;
-use crate::ending::{CANCELLED, Ending, Failure};
-use crate::output;
+use crate::ending::{CANCELLED, ERROR, Ending, Failure};
+use crate::{output, verb};
 
 /// The version of the JSON reports' form; it rises when a field changes its meaning or vanishes.
 pub(crate) const SCHEMA: u32 = 1;
@@ -34,7 +36,8 @@ pub(crate) struct Outcome {
 #[derive(Serialize)]
 struct Envelope<'a, T> {
     schema: u32,
-    verb: &'a str,
+    /// Null where the command line names none.
+    verb: Option<&'a str>,
     #[serde(flatten)]
     body: &'a T,
 }
@@ -50,7 +53,7 @@ struct FailureReport {
 impl Outcome {
     /// A finished verb.
     pub(crate) fn new(verb: &str, body: &impl Serialize, ending: Ending) -> Result<Self, Failure> {
-        let json = serde_json::to_string(&Envelope { schema: SCHEMA, verb, body })?;
+        let json = serde_json::to_string(&Envelope { schema: SCHEMA, verb: Some(verb), body })?;
         Ok(Self { json, ending })
     }
 }
@@ -67,15 +70,49 @@ pub(crate) fn run(arguments: Arguments) -> ExitCode {
             let code = failure.code();
             complain(&failure, &error);
             let body = FailureReport { exit_code: code, error };
-            let envelope = Envelope { schema: SCHEMA, verb: name, body: &body };
+            let envelope = Envelope { schema: SCHEMA, verb: Some(name), body: &body };
             // A report of strings and numbers always has a text.
             (serde_json::to_string(&envelope).unwrap_or_default(), code)
         }
     };
-    if json {
-        let mut stdout = std::io::stdout().lock();
+    if json && !print(&report) {
+        return ExitCode::from(ERROR);
+    }
+    ExitCode::from(code)
+}
+
+/// Puts a report on stdout; whether that worked, or nobody reads.
+fn print(report: &str) -> bool {
+    let mut stdout = std::io::stdout().lock();
+    match writeln!(stdout, "{report}").and_then(|()| stdout.flush()) {
         // A reader that went away is not our failure.
-        drop(writeln!(stdout, "{report}").and_then(|()| stdout.flush()));
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => {
+            let failure = Failure::told(format!(
+                "stdout: the report cannot be written ({error}); choose another place for it"
+            ));
+            complain(&failure, &failure.lines());
+            false
+        }
+        _ => true,
+    }
+}
+
+/// Tells a wrong command line, on stderr for people, and on stdout if the words ask for JSON.
+pub(crate) fn refuse(words: &[OsString], message: &clap::Error) -> ExitCode {
+    // Help and version too come this way; clap knows which stream and which exit code. A closed
+    // stream is no reason to fail.
+    drop(message.print());
+    let code = u8::try_from(message.exit_code()).unwrap_or(ERROR);
+    let mut words = words.iter().skip(1).take_while(|word| *word != "--");
+    if code != 0 && words.clone().any(|word| word == "--json") {
+        let text = message.render().to_string();
+        // The usage and the hints follow after an empty line.
+        let first = text.split("\n\n").next().unwrap_or_default();
+        let first = first.strip_prefix("error: ").unwrap_or(first).trim().to_owned();
+        let verb = words.find_map(|word| verb::known(word.to_str()?));
+        let body = FailureReport { exit_code: code, error: vec![first] };
+        let envelope = Envelope { schema: SCHEMA, verb, body: &body };
+        print(&serde_json::to_string(&envelope).unwrap_or_default());
     }
     ExitCode::from(code)
 }
@@ -101,7 +138,7 @@ fn watch_for_interrupts(cancel: Cancel) -> Result<(), Failure> {
             std::process::exit(i32::from(CANCELLED));
         }
         cancel.cancel();
-        anstream::eprintln!("\nstopping; Ctrl-C again stops at once");
+        say("\nstopping; Ctrl-C again stops at once");
     })?;
     Ok(())
 }
@@ -112,21 +149,26 @@ fn complain(failure: &Failure, lines: &[String]) {
     let mut lines = lines.iter();
     let first = lines.next().map_or("", String::as_str);
     match failure {
-        Failure::Cancelled => anstream::eprintln!("{first}"),
-        _ => anstream::eprintln!("{red}error:{red:#} {first}"),
+        Failure::Cancelled => say(first),
+        _ => put(format_args!("{red}error:{red:#} {first}")),
     }
     for cause in lines {
-        anstream::eprintln!("  because {cause}");
+        put(format_args!("  because {cause}"));
     }
 }
 
 /// Something the user should know, though work goes on.
 pub(crate) fn warn(sentence: &str) {
     let yellow = Style::new().bold().fg_color(Some(AnsiColor::Yellow.into()));
-    anstream::eprintln!("{yellow}warning:{yellow:#} {sentence}");
+    put(format_args!("{yellow}warning:{yellow:#} {sentence}"));
 }
 
 /// A line for people.
 pub(crate) fn say(line: &str) {
-    anstream::eprintln!("{line}");
+    put(format_args!("{line}"));
+}
+
+/// A line on stderr. Where that is full or closed, work goes on without words.
+fn put(line: fmt::Arguments<'_>) {
+    drop(writeln!(anstream::stderr().lock(), "{line}"));
 }

@@ -1,5 +1,6 @@
 //! Numbers as people read them.
 
+use std::path::Path;
 use std::time::Duration;
 
 /// `1234567` as `1,234,567`.
@@ -13,6 +14,19 @@ pub(crate) fn count(number: u64) -> String {
         text.push(digit);
     }
     text
+}
+
+/// A path as one word of a POSIX shell, quoted where it must be.
+pub(crate) fn shell_word(path: &Path) -> String {
+    let text = path.display().to_string();
+    let plain = |c: char| c.is_ascii_alphanumeric() || "/._-+,:@%".contains(c);
+    // A leading dash would be read as a flag.
+    let text = if text.starts_with('-') { format!("./{text}") } else { text };
+    if !text.is_empty() && text.chars().all(plain) {
+        text
+    } else {
+        format!("'{}'", text.replace('\'', r"'\''"))
+    }
 }
 
 /// `1 thing`, `2 things`.
@@ -53,6 +67,19 @@ mod tests {
     use std::time::Duration;
 
     use super::{count, rate, time};
+
+    #[test]
+    fn paths_are_one_word_of_a_shell() {
+        for (path, word) in [
+            ("a/b-1.ply", "a/b-1.ply"),
+            ("-a.ply", "./-a.ply"),
+            ("a b.ply", "'a b.ply'"),
+            ("it's $HOME.ply", r"'it'\''s $HOME.ply'"),
+            ("a;b", "'a;b'"),
+        ] {
+            assert_eq!(super::shell_word(path.as_ref()), word);
+        }
+    }
 
     #[test]
     fn numbers_read_well() {

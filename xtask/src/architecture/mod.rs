@@ -6,6 +6,7 @@
 
 mod crates;
 mod layers;
+mod links;
 mod map;
 mod source;
 mod wall;
@@ -15,6 +16,9 @@ use std::path::{Path, PathBuf};
 
 /// The folder whose folders have an order.
 const LIBRARY: &str = "crates/treelet/src";
+
+/// The pages at the root whose links are followed.
+const PAPERS: [&str; 3] = ["README.md", "ARCHITECTURE.md", "CONTRIBUTING.md"];
 
 /// One broken rule, where it is broken.
 #[derive(Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -75,7 +79,7 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
 
     // The map shows what exists.
     let page = root.join("ARCHITECTURE.md");
-    if page.exists() {
+    if page.is_file() {
         let folders: Vec<String> =
             ["crates", LIBRARY].into_iter().flat_map(|folder| folders(root, folder)).collect();
         let exists = |path: &str| root.join(path).exists();
@@ -83,7 +87,15 @@ pub(crate) fn check(root: &Path) -> Result<Vec<Problem>, String> {
         let facts = map::Facts { folders: &folders, library, exists: &exists };
         problems.extend(map::check("ARCHITECTURE.md", &read(&page)?, &facts));
     } else {
-        eprintln!("  ARCHITECTURE.md does not exist; its map is not checked");
+        let what = "the page with the map of the repository is missing".to_owned();
+        problems.push(Problem { file: "ARCHITECTURE.md".into(), line: 1, what });
+    }
+
+    // The papers lead to what exists.
+    for paper in PAPERS {
+        if let Ok(page) = read(&root.join(paper)) {
+            problems.extend(links::check(paper, &page, &|path| root.join(path).exists()));
+        }
     }
 
     problems.sort();
@@ -109,7 +121,7 @@ fn folders(root: &Path, folder: &str) -> Vec<String> {
 }
 
 /// Every `.rs` file under `folder`, sorted; build outputs and hidden folders are left out.
-fn rust_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
+pub(crate) fn rust_files(folder: &Path) -> Result<Vec<PathBuf>, String> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_path_buf()];
     while let Some(folder) = folders.pop() {
@@ -160,5 +172,22 @@ mod tests {
         let problems = super::check(root).unwrap();
         let lines: Vec<String> = problems.iter().map(ToString::to_string).collect();
         assert!(lines.is_empty(), "{}", lines.join("\n"));
+    }
+
+    /// The page is not optional.
+    #[test]
+    fn a_missing_map_is_a_problem() {
+        let root = std::env::temp_dir().join(format!("xtask-map-{}", std::process::id()));
+        for folder in [super::LIBRARY, "xtask"] {
+            std::fs::create_dir_all(root.join(folder)).unwrap();
+        }
+        for manifest in ["Cargo.toml", "xtask/Cargo.toml"] {
+            std::fs::write(root.join(manifest), "[workspace.dependencies]\n").unwrap();
+        }
+        let problems = super::check(&root);
+        std::fs::remove_dir_all(&root).unwrap();
+        let problems = problems.unwrap();
+        let missing = |problem: &super::Problem| problem.what.contains("map") && problem.line == 1;
+        assert!(problems.iter().any(missing), "{problems:?}");
     }
 }

@@ -65,7 +65,8 @@ pub(crate) fn run(_: Flags, _: &Session) -> Result<Outcome, Failure> {
 
 /// Prints the lists for people.
 fn tell(report: &Report) {
-    let entry = |entry: &Entry| say(&format!("  {:16} {} ({})", entry.name, entry.summary, entry.source));
+    let entry =
+        |entry: &Entry| say(&format!("  {:16} {} ({})", entry.name, entry.summary, entry.source));
     say("builders");
     report.builders.iter().for_each(entry);
     say("layouts");

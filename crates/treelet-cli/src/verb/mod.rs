@@ -17,6 +17,11 @@ macro_rules! catalogue {
             $(#[command(name = $name)] $variant($module::Flags),)*
         }
 
+        /// The verb that a word names, if it names one.
+        pub(crate) fn known(word: &str) -> Option<&'static str> {
+            [$($name),*].into_iter().find(|name| *name == word)
+        }
+
         impl Verb {
             /// As users write it.
             pub(crate) fn name(&self) -> &'static str {

@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use clap::builder::RangedU64ValueParser;
+use clap::builder::{PathBufValueParser, RangedU64ValueParser, TypedValueParser as _};
 use serde::Serialize;
 use treelet::BuildOptions;
 use treelet_model::{Camera, PlacedModel};
@@ -22,7 +22,10 @@ use crate::text;
 
 /// Seconds of passes where neither --spp nor --time is given: with reading, building and writing,
 /// the whole job stays under a minute on two cores.
-const TIME: f64 = 35.0;
+const TIME: Duration = Duration::from_secs(35);
+
+/// The longest --time, half a minute short of 32 years; a `Duration` holds it.
+const LONGEST: f64 = 1e9;
 
 /// The picture so far is written this often.
 const WRITE_EVERY: Duration = Duration::from_secs(3);
@@ -33,8 +36,8 @@ pub(crate) struct Flags {
     /// A scene file: glTF, OBJ, PLY or STL, also as .gz or .zst [default: the built-in scene].
     scene: Option<PathBuf>,
 
-    /// The picture to write, as PNG.
-    #[arg(short, long, default_value = "treelet.png", value_name = "FILE")]
+    /// The picture to write, as PNG; its name ends in .png.
+    #[arg(short, long, default_value = "treelet.png", value_name = "FILE.png", value_parser = PathBufValueParser::new().try_map(png_file))]
     output: PathBuf,
 
     /// Width and height in pixels.
@@ -47,7 +50,7 @@ pub(crate) struct Flags {
 
     /// Seconds to spend on passes; at least one is made [default: 35].
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
-    time: Option<f64>,
+    time: Option<Duration>,
 
     /// How often light may be scattered on its way.
     #[arg(long, value_name = "N", default_value_t = Settings::default().max_bounces)]
@@ -113,6 +116,8 @@ struct Report {
     rays_per_second: f64,
     seconds: Seconds,
     aov: Vec<Layer>,
+    /// Layers that were wanted and, after Ctrl-C, not made.
+    aov_missing: Vec<String>,
     warnings: Vec<String>,
 }
 
@@ -151,9 +156,16 @@ impl FromStr for Size {
     }
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
-    let seconds = text.parse().ok().filter(|&time: &f64| time > 0.0 && time.is_finite());
-    seconds.ok_or_else(|| "a number of seconds above 0 is needed".into())
+/// The name of a picture; other formats are not written, so other names would lie.
+fn png_file(file: PathBuf) -> Result<PathBuf, &'static str> {
+    let png = file.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("png"));
+    if png { Ok(file) } else { Err("pictures are PNG: a name that ends in .png is needed") }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let seconds = text.parse().ok().filter(|&time: &f64| time > 0.0 && time <= LONGEST);
+    let seconds = seconds.and_then(|time| Duration::try_from_secs_f64(time).ok());
+    seconds.ok_or_else(|| "a number of seconds above 0 and up to 1e9 is needed".into())
 }
 
 fn stops(text: &str) -> Result<f32, String> {
@@ -173,6 +185,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     // Check what can be checked before time is spent.
     let output = Output::prepare(&flags.output)?;
     let layers = layer_files(&flags)?;
+    keep_scene(&flags, &output, &layers)?;
 
     // Read the scene and build its tree.
     let input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
@@ -199,13 +212,13 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let renderer = Renderer::new(&input.model, &placed, &camera, settings)?;
     let goal = match flags.spp {
         Some(passes) => Goal::Passes(passes),
-        None => Goal::Time(Duration::from_secs_f64(flags.time.unwrap_or(TIME))),
+        None => Goal::Time(flags.time.unwrap_or(TIME)),
     };
     let mut film = renderer.film()?;
     let picture = Picture { output: &output, tone: tone_map(flags.exposure) };
     let made = make_passes(&renderer, &mut film, goal, &picture, session)?;
+    let (layers, missing) = write_layers(&renderer, layers, session)?;
     let cancelled = session.cancel.is_cancelled();
-    let layers = if cancelled { Vec::new() } else { write_layers(&renderer, layers, session)? };
 
     // Tell.
     let (skipped_triangles, skipped_instances) = input::skipped(&placed);
@@ -237,6 +250,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
             render: made.time.as_secs_f64(),
         },
         aov: layers,
+        aov_missing: missing,
         warnings: input.model.warnings,
     };
     tell(&report, &made, goal);
@@ -344,6 +358,22 @@ fn layer_files(flags: &Flags) -> Result<Vec<(String, Output)>, Failure> {
     Ok(layers)
 }
 
+/// Refuses to write over the scene.
+fn keep_scene(flags: &Flags, output: &Output, layers: &[(String, Output)]) -> Result<(), Failure> {
+    // A scene that is not there is told when it is read.
+    let Some(scene) = flags.scene.as_ref().and_then(|scene| scene.canonicalize().ok()) else {
+        return Ok(());
+    };
+    let mut outputs = std::iter::once(output).chain(layers.iter().map(|(_, output)| output));
+    match outputs.find(|output| output.path().canonicalize().is_ok_and(|file| file == scene)) {
+        None => Ok(()),
+        Some(output) => Err(Failure::Usage(format!(
+            "{}: is the scene, which would be written over; choose another name with -o",
+            output.path().display()
+        ))),
+    }
+}
+
 /// What was done, in a few lines, and how to get more.
 fn tell(report: &Report, made: &Made, goal: Goal) {
     let Report { output, width, height, passes, .. } = report;
@@ -359,11 +389,17 @@ fn tell(report: &Report, made: &Made, goal: Goal) {
     }
     if report.cancelled {
         say(&format!("cancelled; the picture is that of --spp {passes}"));
+        if !report.aov_missing.is_empty() {
+            say(&format!("not made: --aov {}", report.aov_missing.join(",")));
+        }
     } else if let Goal::Time(_) = goal {
         if !report.exact {
             say("fireflies are cut off and caustics softened; --exact does neither");
         }
-        say(&format!("the same picture: --spp {passes}; a cleaner one: --spp {}", passes.saturating_mul(4)));
+        say(&format!(
+            "the same picture: --spp {passes}; a cleaner one: --spp {}",
+            passes.saturating_mul(4)
+        ));
     }
 }
 
@@ -372,22 +408,29 @@ fn aov_names() -> clap::builder::PossibleValuesParser {
     clap::builder::PossibleValuesParser::new(treelet_render::aov::ALL.iter().map(|info| info.name))
 }
 
-/// Renders and writes the layers.
+/// Renders and writes the layers; the names of those for which Ctrl-C left no time come second.
 fn write_layers(
     renderer: &Renderer<'_>,
     layers: Vec<(String, Output)>,
     session: &Session,
-) -> Result<Vec<Layer>, Failure> {
-    let mut written = Vec::new();
+) -> Result<(Vec<Layer>, Vec<String>), Failure> {
+    let (mut written, mut missing) = (Vec::new(), Vec::new());
     for (name, output) in layers {
         let Some(aov) = treelet_render::Aov::by_name(&name) else { continue };
+        if session.cancel.is_cancelled() {
+            missing.push(name);
+            continue;
+        }
         let image = match renderer.aov(aov, &session.cancel) {
             // The picture is there, so what is missing is told, not mourned.
-            Err(RenderError::Cancelled) => break,
+            Err(RenderError::Cancelled) => {
+                missing.push(name);
+                continue;
+            }
             image => image?,
         };
         output.replace(&image.encode_png()?)?;
         written.push(Layer { name, file: output.path().display().to_string() });
     }
-    Ok(written)
+    Ok((written, missing))
 }

@@ -5,10 +5,11 @@
 //! force would take hours, it answers the first rays, and the sweep-SAH tree, itself held against
 //! brute force on those, the rest.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use clap::builder::RangedU64ValueParser;
 use rayon::prelude::*;
 use serde::Serialize;
 use treelet::verify::{self, BruteForce, Mismatch};
@@ -44,7 +45,7 @@ pub(crate) struct Flags {
     scene: Option<PathBuf>,
 
     /// How many rays: random ones, at vertices and edges, along axes, grazing, from surfaces.
-    #[arg(long, value_name = "N", default_value_t = 10_000)]
+    #[arg(long, value_name = "N", default_value_t = 10_000, value_parser = RangedU64ValueParser::<u64>::new().range(1..))]
     rays: u64,
 
     /// Other rays.
@@ -158,7 +159,8 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     }
     drop(line);
 
-    let hits_of_ray = flags.ray.map(|RayText(ray)| brute.all(&ray).iter().map(report_hit).collect());
+    let hits_of_ray =
+        flags.ray.map(|RayText(ray)| brute.all(&ray).iter().map(report_hit).collect());
     let report = Report {
         scene: input.name,
         seed: flags.seed,
@@ -173,7 +175,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         hits_of_ray,
         warnings: input.model.warnings,
     };
-    tell(&report);
+    tell(&report, &again(flags.scene.as_deref(), &flags.scene_flags));
     let ending = if report.difference.is_some() { Ending::CheckFailed } else { Ending::Done };
     Outcome::new("verify", &report, ending)
 }
@@ -240,8 +242,14 @@ fn report_hit(hit: &Hit) -> HitReport {
     HitReport { t, u, v, inst, geom, prim }
 }
 
+/// The command that reads the same scene anew, for a POSIX shell.
+fn again(scene: Option<&Path>, flags: &SceneFlags) -> String {
+    let scene = scene.map_or(String::new(), |scene| format!(" {}", text::shell_word(scene)));
+    format!("treelet verify{scene}{}", flags.words())
+}
+
 /// Prints the summary.
-fn tell(report: &Report) {
+fn tell(report: &Report, again: &str) {
     for hit in report.hits_of_ray.iter().flatten() {
         let HitReport { t, u, v, inst, geom, prim } = hit;
         say(&format!("  t={t:?} u={u:?} v={v:?} inst={inst} geom={geom} prim={prim}"));
@@ -251,7 +259,7 @@ fn tell(report: &Report) {
         say(&format!("DIFFERENT after {}: {query} by {builder}", text::things(report.rays, "ray")));
         say(&format!("  {reference} says {expected}"));
         say(&format!("  {builder} says {got}"));
-        say(&format!("  again: treelet verify {} --ray \"{ray}\"", report.scene));
+        say(&format!("  again: {again} --ray \"{ray}\""));
         return;
     }
     let Report { rays, rays_by_brute_force, .. } = *report;
@@ -266,7 +274,9 @@ fn tell(report: &Report) {
     say(&format!(
         "  {} against brute force{}",
         text::count(rays_by_brute_force),
-        if by_stand_in == 0 { String::new() } else {
+        if by_stand_in == 0 {
+            String::new()
+        } else {
             format!(", {} against {}", text::count(by_stand_in), report.stand_in)
         },
     ));
@@ -282,6 +292,23 @@ mod tests {
     fn scene(width: f32) -> Scene {
         let mesh = Mesh::new([[0.0; 3], [width, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
         Scene::builder().mesh(mesh).build(&BuildOptions::default()).unwrap()
+    }
+
+    #[test]
+    fn the_line_to_paste_back_reads_the_same_scene() {
+        use clap::Parser as _;
+        for (line, again) in [
+            ("treelet verify --rays 5", "treelet verify"),
+            ("treelet verify a/b-1.ply", "treelet verify a/b-1.ply"),
+            (
+                "treelet verify a.ply --allow-outside --max-bytes 7 --max-ratio 9",
+                "treelet verify a.ply --allow-outside --max-bytes 7 --max-ratio 9",
+            ),
+        ] {
+            let words = crate::arguments::Arguments::try_parse_from(line.split(' ')).unwrap();
+            let crate::verb::Verb::Verify(flags) = words.verb else { panic!("{line}") };
+            assert_eq!(super::again(flags.scene.as_deref(), &flags.scene_flags), again);
+        }
     }
 
     /// No builder is wrong, so a wrong scene takes its part.

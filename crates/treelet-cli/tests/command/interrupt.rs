@@ -81,3 +81,25 @@ fn a_check_stops() {
     let run = started.finish().ends(130);
     assert!(run.stderr.contains("cancelled"), "{}", run.stderr);
 }
+
+#[test]
+fn layers_that_were_not_made_are_named() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let layers = "--aov normal,depth,visits,tests";
+    // During the layers, and during the passes.
+    for passes in [1, 4_000_000_000_u64] {
+        let line = format!("render scene.obj --size 1200x900 --spp {passes} {layers} --json");
+        let started = Started::until(&folder, &line, "first pass");
+        started.interrupt();
+        let run = started.finish().ends(130);
+        let json = run.json("render");
+        assert_eq!(json["cancelled"], true);
+        let (made, missing) = (&json["aov"], json["aov_missing"].as_array().unwrap());
+        assert_eq!(made.as_array().unwrap().len() + missing.len(), 4, "{json}");
+        assert!(passes == 1 || missing.len() == 4, "{json}");
+        let names: Vec<_> = missing.iter().map(|name| name.as_str().unwrap()).collect();
+        let told = format!("not made: --aov {}", names.join(","));
+        assert!(!names.is_empty() && run.stderr.contains(&told), "{}", run.stderr);
+    }
+}

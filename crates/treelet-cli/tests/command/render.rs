@@ -68,6 +68,17 @@ fn the_camera_of_the_report_gives_the_same_picture() {
 }
 
 #[test]
+fn the_camera_of_the_report_is_accepted_far_away() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 8x8 --spp 1 --json";
+    let run = folder.run(&format!("{line} --camera=from=3e8,1e8,-5e8 at=0,0,0")).ends(0);
+    let camera = run.json("render")["camera"].as_str().unwrap().to_owned();
+    let run = folder.run(&format!("{line} --camera {camera}")).ends(0);
+    assert_eq!(run.json("render")["camera"].as_str().unwrap(), camera);
+}
+
+#[test]
 fn layers_lie_beside_the_picture() {
     let folder = Folder::new();
     folder.write("scene.obj", SCENE);
