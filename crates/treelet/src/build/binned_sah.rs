@@ -6,9 +6,9 @@
 //!
 //! O(n log n) time, in place; the bins live on the stack.
 
-use super::prim_ref::{self, CHUNK, PrimRef};
-use super::top_down::{self, Cut, Range, Splitter};
-use super::{BuildError, Builder, Info, check_leaf_max, check_option};
+use super::prim_ref::{self, CHUNK, Cutter, PrimRef};
+use super::top_down::{Cut, Range};
+use super::{BuildError, Builder, Info, check_option};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage, parallel};
 use crate::tree::Tree;
@@ -43,22 +43,13 @@ impl Builder for BinnedSah {
     }
 
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
-        check_leaf_max(self.leaf_max)?;
         check_option("bins", f64::from(self.bins), 2.0..=BINS_MAX as f64, "2..=32")?;
         check_option("visit_cost", f64::from(self.visit_cost), 0.0..=1000.0, "0..=1000")?;
-        let (mut refs, extent) = prim_ref::gather(bounds, context)?;
-        top_down::build(self, &mut refs, extent, context)
+        prim_ref::build(self, bounds, context)
     }
 }
 
-impl Splitter for BinnedSah {
-    type Slot = PrimRef;
-    type Scratch = ();
-
-    fn prim(slot: &PrimRef) -> u32 {
-        slot.prim
-    }
-
+impl Cutter for BinnedSah {
     fn leaf_max(&self) -> u32 {
         self.leaf_max
     }
@@ -66,7 +57,6 @@ impl Splitter for BinnedSah {
     fn cut(
         &self,
         range: &mut Range<'_, PrimRef>,
-        (): &mut (),
         stage: &Stage<'_>,
     ) -> Result<Option<Cut>, Cancelled> {
         let grid = Grid::new(&range.extent.centers, self.bins as usize);
@@ -81,15 +71,6 @@ impl Splitter for BinnedSah {
         }
         let goes_left = |item: &PrimRef| grid.bin(item.bounds.center(), plane.axis) < plane.bin;
         prim_ref::partition(range.slots, goes_left, stage)
-    }
-
-    fn halve(
-        &self,
-        range: &mut Range<'_, PrimRef>,
-        (): &mut (),
-        stage: &Stage<'_>,
-    ) -> Result<Cut, Cancelled> {
-        prim_ref::halve(range, stage)
     }
 }
 

@@ -6,10 +6,10 @@
 //!
 //! O(n log n) time, in place.
 
-use super::prim_ref::{self, PrimRef};
+use super::prim_ref::{self, Cutter, PrimRef};
 use super::radix_sort::ordered_bits;
-use super::top_down::{self, Cut, Range, Splitter};
-use super::{BuildError, Builder, Info, check_leaf_max};
+use super::top_down::{Cut, Range};
+use super::{BuildError, Builder, Info};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage};
 use crate::tree::Tree;
@@ -36,20 +36,11 @@ impl Builder for ObjectMedian {
     }
 
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
-        check_leaf_max(self.leaf_max)?;
-        let (mut refs, extent) = prim_ref::gather(bounds, context)?;
-        top_down::build(self, &mut refs, extent, context)
+        prim_ref::build(self, bounds, context)
     }
 }
 
-impl Splitter for ObjectMedian {
-    type Slot = PrimRef;
-    type Scratch = ();
-
-    fn prim(slot: &PrimRef) -> u32 {
-        slot.prim
-    }
-
+impl Cutter for ObjectMedian {
     fn leaf_max(&self) -> u32 {
         self.leaf_max
     }
@@ -57,7 +48,6 @@ impl Splitter for ObjectMedian {
     fn cut(
         &self,
         range: &mut Range<'_, PrimRef>,
-        (): &mut (),
         stage: &Stage<'_>,
     ) -> Result<Option<Cut>, Cancelled> {
         let count = range.slots.len();
@@ -84,15 +74,6 @@ impl Splitter for ObjectMedian {
             }
         };
         prim_ref::partition(range.slots, goes_left, stage)
-    }
-
-    fn halve(
-        &self,
-        range: &mut Range<'_, PrimRef>,
-        (): &mut (),
-        stage: &Stage<'_>,
-    ) -> Result<Cut, Cancelled> {
-        prim_ref::halve(range, stage)
     }
 }
 

@@ -1,10 +1,11 @@
 //! A primitive as most top-down builders see it, and the passes over many of them.
 
-use super::BuildError;
-use super::top_down::{Cut, Extent, Range};
+use super::top_down::{self, Cut, Extent, Range, Splitter};
+use super::{BuildError, check_leaf_max};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage, parallel};
 use crate::memory;
+use crate::tree::Tree;
 use alloc::vec::Vec;
 
 /// Passes over a range are cut into chunks of this size, for threads and for cancellation: about a
@@ -18,11 +19,66 @@ pub(crate) struct PrimRef {
     pub(super) prim: u32,
 }
 
-/// One reference for each box, and their extent.
-pub(super) fn gather(
+/// What a builder over references answers. The rest of a [`Splitter`] is the same for all of them.
+pub(super) trait Cutter: Sync {
+    /// The most primitives that may stay in a leaf.
+    fn leaf_max(&self) -> u32;
+
+    /// Permutes the range and says where it is cut; `None` makes a leaf, where one is allowed.
+    fn cut(
+        &self,
+        range: &mut Range<'_, PrimRef>,
+        stage: &Stage<'_>,
+    ) -> Result<Option<Cut>, Cancelled>;
+}
+
+/// Builds the tree that `cutter` cuts.
+pub(super) fn build<C: Cutter>(
+    cutter: &C,
     bounds: &[Aabb],
     context: &Context<'_>,
-) -> Result<(Vec<PrimRef>, Extent), BuildError> {
+) -> Result<Tree, BuildError> {
+    check_leaf_max(cutter.leaf_max())?;
+    let (mut refs, extent) = gather(bounds, context)?;
+    top_down::build(&OverRefs(cutter), &mut refs, extent, context)
+}
+
+/// A cutter as the shared loop asks it.
+struct OverRefs<'a, C>(&'a C);
+
+impl<C: Cutter> Splitter for OverRefs<'_, C> {
+    type Slot = PrimRef;
+    type Scratch = ();
+
+    fn prim(slot: &PrimRef) -> u32 {
+        slot.prim
+    }
+
+    fn leaf_max(&self) -> u32 {
+        self.0.leaf_max()
+    }
+
+    fn cut(
+        &self,
+        range: &mut Range<'_, PrimRef>,
+        (): &mut (),
+        stage: &Stage<'_>,
+    ) -> Result<Option<Cut>, Cancelled> {
+        self.0.cut(range, stage)
+    }
+
+    fn halve(
+        &self,
+        range: &mut Range<'_, PrimRef>,
+        (): &mut (),
+        stage: &Stage<'_>,
+    ) -> Result<Cut, Cancelled> {
+        halve(range, stage)
+    }
+}
+
+/// One reference for each box, and their extent.
+fn gather(bounds: &[Aabb], context: &Context<'_>) -> Result<(Vec<PrimRef>, Extent), BuildError> {
     let empty = PrimRef { bounds: Aabb::EMPTY, prim: 0 };
     let mut refs = memory::try_with_capacity(bounds.len(), "primitive references")?;
     // First touched here: fresh pages take longer than what is written to them.

@@ -6,9 +6,9 @@
 //!
 //! O(n log(range)) time, in place.
 
-use super::prim_ref::{self, PrimRef};
-use super::top_down::{self, Cut, Range, Splitter};
-use super::{BuildError, Builder, Info, check_leaf_max};
+use super::prim_ref::{self, Cutter, PrimRef};
+use super::top_down::{Cut, Range};
+use super::{BuildError, Builder, Info};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage};
 use crate::tree::Tree;
@@ -35,20 +35,11 @@ impl Builder for SpatialMedian {
     }
 
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
-        check_leaf_max(self.leaf_max)?;
-        let (mut refs, extent) = prim_ref::gather(bounds, context)?;
-        top_down::build(self, &mut refs, extent, context)
+        prim_ref::build(self, bounds, context)
     }
 }
 
-impl Splitter for SpatialMedian {
-    type Slot = PrimRef;
-    type Scratch = ();
-
-    fn prim(slot: &PrimRef) -> u32 {
-        slot.prim
-    }
-
+impl Cutter for SpatialMedian {
     fn leaf_max(&self) -> u32 {
         self.leaf_max
     }
@@ -56,7 +47,6 @@ impl Splitter for SpatialMedian {
     fn cut(
         &self,
         range: &mut Range<'_, PrimRef>,
-        (): &mut (),
         stage: &Stage<'_>,
     ) -> Result<Option<Cut>, Cancelled> {
         if range.slots.len() <= self.leaf_max as usize {
@@ -65,14 +55,5 @@ impl Splitter for SpatialMedian {
         let axis = prim_ref::widest_axis(&range.extent.centers);
         let middle = range.extent.centers.center()[axis];
         prim_ref::partition(range.slots, |item| item.bounds.center()[axis] < middle, stage)
-    }
-
-    fn halve(
-        &self,
-        range: &mut Range<'_, PrimRef>,
-        (): &mut (),
-        stage: &Stage<'_>,
-    ) -> Result<Cut, Cancelled> {
-        prim_ref::halve(range, stage)
     }
 }

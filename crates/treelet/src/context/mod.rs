@@ -17,7 +17,8 @@ impl Cancel {
         Self::default()
     }
 
-    /// Asks every call that was given this flag to stop soon (a build: within about 10 ms).
+    /// Asks every call that was given this flag to stop soon (a build of 2 M triangles: 9 to 21 ms,
+    /// by builder).
     pub fn cancel(&self) {
         self.0.store(true, Ordering::Relaxed);
     }

@@ -89,10 +89,3 @@ pub enum Defect {
         position: [f32; 3],
     },
 }
-
-/// Whether the triangle has no area: its exact corners are collinear or coincide.
-///
-/// Exact: differences of f32 values are taken as pairs of f64, see `triangle::is_degenerate`.
-pub fn is_degenerate(corners: &[[f32; 3]; 3]) -> bool {
-    super::triangle::is_degenerate(corners)
-}
