@@ -55,8 +55,8 @@ fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
     const { assert!(N >= LANES * 9 + LANES + LANES) }
     let count = (block.count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
-    let row = |corner: usize, axis: usize| {
-        let start = (3 * corner + axis) * count;
+    let row = |corner: usize, start: usize| {
+        let start = 3 * corner * count + start;
         let lanes = rows.get(start..start + LANES).and_then(<[f32]>::first_chunk);
         S::F4::load(simd, lanes.unwrap_or(&[0.0; LANES]))
     };
@@ -64,6 +64,7 @@ fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
     // Move to the origin and shear.
     let [x, y, z] = ray.axes;
     let [x, y, z] = [usize::from(x & 3), usize::from(y & 3), usize::from(z & 3)];
+    let [x, y, z] = [x * count, y * count, z * count];
     let origin = [splat(ray.origin[0]), splat(ray.origin[1]), splat(ray.origin[2])];
     let shear = [splat(ray.shear[0]), splat(ray.shear[1])];
     let sheared = |corner: usize| {
@@ -111,14 +112,15 @@ fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
     // The culling lemma: `t` lies where the triangle's own box is.
     let (mut entry, mut exit) = (splat(f32::NEG_INFINITY), splat(f32::INFINITY));
     for axis in 0..3 {
-        let (a, b, c) = (row(0, axis), row(1, axis), row(2, axis));
-        let planes = [c.min(b.min(a)), c.max(b.max(a))];
-        let backward = usize::from(slab.backward[axis] & 1);
-        let reciprocal = splat(slab.reciprocal[axis]);
-        let first = planes[backward].sub(splat(slab.near(axis))).mul(reciprocal);
-        let last = planes[backward ^ 1].sub(splat(slab.far(axis))).mul(reciprocal);
-        entry = first.max(entry);
-        exit = last.min(exit);
+        let start = axis * count;
+        let (a, b, c) = (row(0, start), row(1, start), row(2, start));
+        let (lo, hi) = (c.min(b.min(a)), c.max(b.max(a)));
+        let reciprocal = splat(slab.reciprocal(axis));
+        let lower = lo.sub(splat(slab.side(0, axis))).mul(reciprocal);
+        let upper = hi.sub(splat(slab.side(1, axis))).mul(reciprocal);
+        // The lower side is not below the upper one, so the plane met first has the lesser `t`.
+        entry = lower.min(upper).max(entry);
+        exit = lower.max(upper).min(exit);
     }
     let entry = splat(clip.entry).max(entry);
     let exit = splat(clip.exit).min(exit);

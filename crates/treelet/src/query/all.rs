@@ -29,8 +29,6 @@ impl<'a> Visitor<'a> for All<'_> {
 /// Appends the hits of the ray to `hits`, ordered by `(t, inst, geom, prim)`.
 pub(crate) fn all(structure: &Structure, ray: &Ray, hits: &mut Vec<Hit>) {
     let start = hits.len();
-    if ray.is_valid() {
-        ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
-    }
+    ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
     hits[start..].sort_unstable_by(Hit::cmp_along_ray);
 }

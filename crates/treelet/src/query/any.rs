@@ -31,17 +31,13 @@ impl<'a> Visitor<'a> for Any {
 #[inline]
 pub(crate) fn any(structure: &Structure, ray: &Ray) -> bool {
     let mut visitor = Any { t_max: ray.t_max, found: false };
-    if ray.is_valid() {
-        ask(structure, ray, &mut visitor);
-    }
+    ask(structure, ray, &mut visitor);
     visitor.found
 }
 
 /// The answer, and the work it took.
 pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> bool {
     let mut visitor = Any { t_max: ray.t_max, found: false };
-    if ray.is_valid() {
-        ask_simply(structure, ray, &mut visitor, counters);
-    }
+    ask_simply(structure, ray, &mut visitor, counters);
     visitor.found
 }

@@ -37,9 +37,6 @@ impl<'a> Visitor<'a> for Closest<'a> {
 /// The answer.
 #[inline]
 pub(crate) fn closest(structure: &Structure, ray: &Ray) -> Option<Hit> {
-    if !ray.is_valid() {
-        return None;
-    }
     let mut visitor = Closest { t: ray.t_max, best: None };
     ask(structure, ray, &mut visitor);
     visitor.best.map(Hit::from)
@@ -47,9 +44,6 @@ pub(crate) fn closest(structure: &Structure, ray: &Ray) -> Option<Hit> {
 
 /// The answer, and the work it took.
 pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> Option<Hit> {
-    if !ray.is_valid() {
-        return None;
-    }
     let mut visitor = Closest { t: ray.t_max, best: None };
     ask_simply(structure, ray, &mut visitor, counters);
     visitor.best.map(Hit::from)

@@ -28,8 +28,6 @@ impl<'a> Visitor<'a> for Counting {
 /// The number of hits that [`super::all::all`] would list.
 pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
     let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
-    if ray.is_valid() {
-        ask_simply(structure, ray, &mut visitor, &mut ());
-    }
+    ask_simply(structure, ray, &mut visitor, &mut ());
     visitor.hits
 }

@@ -201,6 +201,7 @@ fn finish(
         leaf_instances,
         cover: cover(tree),
         reach,
+        reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
         slack,
         paths,
     })

@@ -3,7 +3,7 @@
 //! FMA is not enabled: nothing here may fuse, and the compiler never fuses by itself.
 
 use super::two::Two;
-use super::{Doubles, Floats, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where AVX2 does.
@@ -112,6 +112,37 @@ impl Floats<4> for F4 {
     compare! {
         le _mm_cmp_ps _CMP_LE_OQ _mm_movemask_ps
         lt _mm_cmp_ps _CMP_LT_OQ _mm_movemask_ps
+    }
+}
+
+impl Four for F4 {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
+    }
+
+    lanewise! { div _mm_div_ps }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe {
+            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
+            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
+        })
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        // SAFETY: as above.
+        unsafe { _mm_movemask_ps(self.0) as u32 }
     }
 }
 

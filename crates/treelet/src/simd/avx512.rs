@@ -1,7 +1,7 @@
 //! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
-use super::{Doubles, Floats, Kernel, Simd};
+use super::{Doubles, Floats, Four, Kernel, Simd};
 use core::arch::x86_64::*;
 
 /// Exists only where these parts of AVX-512 do.
@@ -131,6 +131,37 @@ impl Floats<4> for F4 {
     memory! { 4 _mm_set1_ps _mm_loadu_ps _mm_storeu_ps }
     lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
+}
+
+impl Four for F4 {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
+    }
+
+    lanewise! { div _mm_div_ps }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe {
+            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
+            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
+        })
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        // SAFETY: as above.
+        unsafe { _mm_movemask_ps(self.0) as u32 }
+    }
 }
 
 impl Floats<8> for F8 {

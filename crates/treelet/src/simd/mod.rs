@@ -26,6 +26,7 @@ mod two;
 
 pub use level::Level;
 pub(crate) use level::{Checked, Kernel};
+pub(crate) use scalar::Scalar;
 
 /// `N` lanes of f32.
 pub(crate) trait Floats<const N: usize>: Copy {
@@ -54,6 +55,20 @@ pub(crate) trait Floats<const N: usize>: Copy {
     fn le(self, other: Self) -> u32;
     /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
     fn lt(self, other: Self) -> u32;
+}
+
+/// What is done with four lanes only: where a ray's coordinates are.
+pub(crate) trait Four: Floats<4> {
+    /// The first three lanes, the third of them twice: no stray value in a lane that nobody reads.
+    fn xyzz(self) -> Self;
+    /// Absolute values.
+    fn abs(self) -> Self;
+    /// Quotients.
+    fn div(self, other: Self) -> Self;
+    /// The largest lane, in every lane; none may be NaN.
+    fn max_lane(self) -> Self;
+    /// Bit `i` is the sign of lane `i`.
+    fn signs(self) -> u32;
 }
 
 /// Four lanes of f64.
@@ -90,7 +105,7 @@ pub(crate) trait Doubles: Copy {
 /// An instruction set, as a token that shows that this processor has it.
 pub(crate) trait Simd: Copy {
     /// 4 lanes of f32.
-    type F4: Floats<4, Token = Self>;
+    type F4: Four<Token = Self>;
     /// 8 lanes of f32.
     type F8: Floats<8, Token = Self>;
     /// 16 lanes of f32.

@@ -1,7 +1,7 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
@@ -85,6 +85,36 @@ impl Floats<4> for Lanes {
     }
 
     compare! { le <=; lt <; }
+}
+
+impl Four for Lanes {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        let [x, y, z, _] = self.0;
+        Self([x, y, z, z])
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        let [x, y, z, w] = self.0;
+        Self([x.abs(), y.abs(), z.abs(), w.abs()])
+    }
+
+    lanewise! { div: a, b => a / b; }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        let [x, y, z, w] = self.0;
+        let xy = if x > y { x } else { y };
+        let zw = if z > w { z } else { w };
+        Self([if xy > zw { xy } else { zw }; 4])
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        let bit = |i: usize| self.0[i].to_bits() >> 31 << i;
+        bit(0) | bit(1) | bit(2) | bit(3)
+    }
 }
 
 impl Doubles for DoubleLanes {

@@ -1,7 +1,7 @@
 //! SSE4.2: x86-64 processors since 2009. Vectors of 4 f32 or 2 f64.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where SSE4.2 does.
@@ -98,6 +98,37 @@ impl Floats<4> for F4 {
 
     lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmple_ps _mm_movemask_ps lt _mm_cmplt_ps _mm_movemask_ps }
+}
+
+impl Four for F4 {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
+    }
+
+    lanewise! { div _mm_div_ps }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe {
+            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
+            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
+        })
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        // SAFETY: as above.
+        unsafe { _mm_movemask_ps(self.0) as u32 }
+    }
 }
 
 impl TwoDoubles for D2 {

@@ -18,7 +18,7 @@ use crate::geometry::block::{self, Block};
 use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
-use crate::simd::{Floats, Wide};
+use crate::simd::{Floats, Kernel, Simd, Wide};
 use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
@@ -99,12 +99,13 @@ impl<F> Lanes<F> {
     where
         F: Floats<W, Token = S>,
     {
-        let [x, y, z] = ray.backward;
+        let backward = [ray.backward(0), ray.backward(1), ray.backward(2)];
+        let side = |of: usize, axis: usize| ray.side(backward[axis] ^ of, axis);
         Self {
-            near: splat(simd, [ray.near(0), ray.near(1), ray.near(2)]),
-            far: splat(simd, [ray.far(0), ray.far(1), ray.far(2)]),
-            reciprocal: splat(simd, ray.reciprocal),
-            backward: [usize::from(x), usize::from(y), usize::from(z)],
+            near: splat(simd, [side(0, 0), side(0, 1), side(0, 2)]),
+            far: splat(simd, [side(1, 0), side(1, 1), side(1, 2)]),
+            reciprocal: splat(simd, [ray.reciprocal(0), ray.reciprocal(1), ray.reciprocal(2)]),
+            backward,
         }
     }
 
@@ -116,15 +117,31 @@ impl<F> Lanes<F> {
         S: Wide<W, F = F>,
         F: Floats<W, Token = S>,
     {
-        let (mut entry, mut exit) = (t_min, t_max);
-        for axis in 0..3 {
-            let planes = &node.planes[axis];
-            let first = F::load(simd, &planes[self.backward[axis] & 1]);
-            let last = F::load(simd, &planes[self.backward[axis] & 1 ^ 1]);
-            entry = first.sub(self.near[axis]).mul(self.reciprocal[axis]).max(entry);
-            exit = last.sub(self.far[axis]).mul(self.reciprocal[axis]).min(exit);
-        }
+        let [entry_x, entry_y, entry_z] =
+            [self.entry(simd, node, 0), self.entry(simd, node, 1), self.entry(simd, node, 2)];
+        let [exit_x, exit_y, exit_z] =
+            [self.exit(simd, node, 0), self.exit(simd, node, 1), self.exit(simd, node, 2)];
+        let entry = entry_x.max(entry_y).max(entry_z.max(t_min));
+        let exit = exit_x.min(exit_y).min(exit_z.min(t_max));
         (entry.le(exit), entry)
+    }
+
+    #[inline(always)]
+    fn entry<S: Wide<W, F = F>, const W: usize>(&self, simd: S, node: &Node<W>, axis: usize) -> F
+    where
+        F: Floats<W, Token = S>,
+    {
+        let planes = F::load(simd, &node.planes[axis][self.backward[axis] & 1]);
+        planes.sub(self.near[axis]).mul(self.reciprocal[axis])
+    }
+
+    #[inline(always)]
+    fn exit<S: Wide<W, F = F>, const W: usize>(&self, simd: S, node: &Node<W>, axis: usize) -> F
+    where
+        F: Floats<W, Token = S>,
+    {
+        let planes = F::load(simd, &node.planes[axis][self.backward[axis] & 1 ^ 1]);
+        planes.sub(self.far[axis]).mul(self.reciprocal[axis])
     }
 }
 
@@ -134,7 +151,7 @@ fn splat<F: Floats<W>, const W: usize>(token: F::Token, [x, y, z]: [f32; 3]) -> 
     [F::splat(token, x), F::splat(token, y), F::splat(token, z)]
 }
 
-/// Shows the visitor every hit of a valid ray that it could want, in no particular order.
+/// Shows the visitor every hit of a ray that it could want, in no particular order.
 #[inline(always)]
 pub(crate) fn walk<'a, S, V, C, const W: usize>(
     simd: S,
@@ -145,13 +162,13 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 ) where
     S: Wide<W>,
     Layout: Get<W>,
+    for<'d, 's> Descent<'d, 's, V, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
     let Some(wide) = structure.layout.get() else { return };
-    let prepared = Prepared::new(ray, structure);
+    let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
-    let t_min = S::F::splat(simd, ray.t_min);
     let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<Pending, STACK_NEAR>::new();
@@ -159,27 +176,14 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     let mut next = wide.root;
     loop {
         // One level, until the ray leaves it or enters another.
-        let lanes = Lanes::new(simd, &frame.ray.slab);
-        let nodes = &*frame.wide.nodes;
         loop {
-            // Go on to the next leaf. Nothing is called here, so the lanes stay in registers.
-            while next.is_inner() && !stack.is_tight::<W>() {
-                let Some(node) = nodes.get(next.0 as usize) else { return };
-                counters.node();
-                let t_max = S::F::splat(simd, visitor.t_max());
-                let (mask, entry) = lanes.test(simd, node, t_min, t_max);
-                if C::LISTENS {
-                    report(&frame.ray.slab, node, mask, counters);
-                }
-                next = if mask == 0 {
-                    pop(visitor, &mut stack, counters)
-                } else if V::NEAREST_FIRST {
-                    nearest_first(simd, node, mask, entry, &mut stack)
-                } else {
-                    largest_first(simd, node, mask, &mut stack)
-                };
+            if next.is_inner() {
+                let (nodes, slab) = (&*frame.wide.nodes, &frame.ray.slab);
+                let (visitor, stack, t_min) = (&*visitor, &mut stack, ray.t_min);
+                let counters = &mut *counters;
+                let way = Descent { nodes, slab, t_min, visitor, stack, counters, next };
+                next = simd.call(way);
             }
-
             let (first, count) = match next.kind() {
                 ChildKind::Leaf { first, count } => (first, count),
                 ChildKind::Inner { .. } => {
@@ -223,7 +227,7 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
                 next = pop(visitor, &mut stack, counters);
                 break;
             }
-            match open_instances(&frame, first, count, ray, visitor, counters) {
+            match open_instances(simd, &frame, first, count, ray, visitor, counters) {
                 Opened::Several(instances, count) => {
                     instances.iter().take(count).for_each(|pending| stack.push(*pending));
                     next = pop(visitor, &mut stack, counters);
@@ -240,6 +244,51 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     }
 }
 
+/// The way from a node to the next leaf.
+struct Descent<'d, 's, V, C, const W: usize> {
+    nodes: &'d [Node<W>],
+    slab: &'d SlabRay,
+    t_min: f32,
+    visitor: &'d V,
+    stack: &'d mut Stack<'s, Pending, STACK_NEAR>,
+    counters: &'d mut C,
+    next: Child,
+}
+
+macro_rules! descents {
+    ($($width:literal)*) => {
+        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Descent<'_, '_, V, C, $width> {
+            type Output = Child;
+
+            #[inline(always)]
+            fn run<S: Simd>(self, simd: S) -> Child {
+                let Self { nodes, slab, t_min, visitor, stack, counters, mut next } = self;
+                let lanes = Lanes::<<S as Wide<$width>>::F>::new(simd, slab);
+                let t_min = <S as Wide<$width>>::F::splat(simd, t_min);
+                while next.is_inner() && !stack.is_tight::<$width>() {
+                    let Some(node) = nodes.get(next.0 as usize) else { return Child::NONE };
+                    counters.node();
+                    let t_max = <S as Wide<$width>>::F::splat(simd, visitor.t_max());
+                    let (mask, entry) = lanes.test(simd, node, t_min, t_max);
+                    if C::LISTENS {
+                        report(slab, node, mask, counters);
+                    }
+                    next = if mask == 0 {
+                        pop(visitor, stack, counters)
+                    } else if V::NEAREST_FIRST {
+                        nearest_first::<S, $width>(simd, node, mask, entry, stack)
+                    } else {
+                        largest_first::<S, $width>(simd, node, mask, stack)
+                    };
+                }
+                next
+            }
+        })*
+    };
+}
+
+descents! { 8 16 }
+
 /// What a leaf of instances makes of the walk.
 enum Opened<'a, const W: usize> {
     /// Leaves of one each, to be stacked.
@@ -250,7 +299,8 @@ enum Opened<'a, const W: usize> {
 
 /// Enters an instance, or makes leaves of one each of a leaf of several.
 #[inline(never)]
-fn open_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
+fn open_instances<'a, S: Simd, V: Visitor<'a>, C: Count, const W: usize>(
+    simd: S,
     frame: &Frame<'a, W>,
     first: usize,
     count: usize,
@@ -265,7 +315,7 @@ where
     let mut several = [Pending(0); LEAF_MAX];
     let mut len = 0;
     if count == 1 {
-        if let Some(inner) = enter(frame, at, ray, visitor) {
+        if let Some(inner) = enter(simd, frame, at, ray, visitor) {
             counters.instance();
             return Opened::One(inner);
         }
@@ -414,7 +464,8 @@ fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, co
 }
 
 /// The level inside an instance, if the ray has business there.
-fn enter<'a, V: Visitor<'a>, const W: usize>(
+fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
+    simd: S,
     frame: &Frame<'a, W>,
     at: usize,
     ray: &Ray,
@@ -433,7 +484,7 @@ where
         return None;
     }
     let inner = &*instance.structure;
-    let ray = frame.ray.enter(&instance.object_from_world, clip, inner)?;
+    let ray = frame.ray.enter(simd, &instance.object_from_world, clip, inner)?;
     // Building refuses instances of another layout.
     let wide = inner.layout.get()?;
     Some(Frame { structure: inner, wide, ray, inst: frame.inst + instance.rank })
