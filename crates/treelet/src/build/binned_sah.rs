@@ -1,20 +1,21 @@
 //! Binned SAH: drop the centers into a few bins an axis, cut at the cheapest bin edge.
 //!
 //! Source: I. Wald, "On fast Construction of SAH-based Bounding Volume Hierarchies", IEEE Symposium
-//! on Interactive Ray Tracing, 2007. Differs from it: every axis is tried, not only the widest one,
-//! and the extents of the two sides are taken exactly while partitioning.
+//! on Interactive Ray Tracing, 2007. Differs from it: every axis is tried, not only the widest one;
+//! small ranges get fewer bins; large ranges are cut where a sample of them says (`groups`).
 //!
-//! O(n log n) time, in place; the bins live on the stack.
+//! O(n log n) time, in place: 32 bytes a primitive and the nodes, twice while they are put together.
 
-use super::prim_ref::{self, CHUNK, Cutter, PrimRef};
-use super::top_down::{Cut, Range};
-use super::{BuildError, Builder, Info, check_option};
+use super::bins::{BINS_MAX, Bins, Grid, extent_of, unit};
+use super::groups::{self, Top};
+use super::lanes::{Box4, Extent4, Ref};
+use super::{BuildError, Builder, Info, check_leaf_max, check_option};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage, parallel};
-use crate::tree::Tree;
-
-/// The most bins that the stack has room for.
-const BINS_MAX: usize = 32;
+use crate::memory;
+use crate::tree::{DEPTH_MAX, Kind, Node, PRIMS_MAX, Tree};
+use alloc::boxed::Box;
+use alloc::vec::Vec;
 
 /// Cuts at the cheapest of a few planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,14 +24,17 @@ pub struct BinnedSah {
     pub leaf_max: u32,
     /// Bins an axis, in `2..=32`. More find better cuts in large ranges and cost time in small ones.
     pub bins: u32,
-    /// Price of visiting a node in units of one primitive test, in `0..=1000`. Higher makes fuller
+    /// Price of visiting a node in units of one leaf test, in `0..=1000`. Higher makes fuller
     /// leaves.
     pub visit_cost: f32,
+    /// How many primitives one leaf test tests, rounded up to a power of two, in `1..=64`: 1 where
+    /// each is tested by itself, 4 where four are tested side by side.
+    pub block: u32,
 }
 
 impl BinnedSah {
-    /// Sixteen bins, leaves of up to four.
-    pub const DEFAULT: Self = Self { leaf_max: 4, bins: 16, visit_cost: 1.0 };
+    /// Sixteen bins, leaves of up to four, tested side by side.
+    pub const DEFAULT: Self = Self { leaf_max: 4, bins: 16, visit_cost: 1.0, block: 4 };
 }
 
 impl Builder for BinnedSah {
@@ -43,140 +47,244 @@ impl Builder for BinnedSah {
     }
 
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
+        check_leaf_max(self.leaf_max)?;
         check_option("bins", f64::from(self.bins), 2.0..=BINS_MAX as f64, "2..=32")?;
         check_option("visit_cost", f64::from(self.visit_cost), 0.0..=1000.0, "0..=1000")?;
-        prim_ref::build(self, bounds, context)
-    }
-}
-
-impl Cutter for BinnedSah {
-    fn leaf_max(&self) -> u32 {
-        self.leaf_max
-    }
-
-    fn cut(
-        &self,
-        range: &mut Range<'_, PrimRef>,
-        stage: &Stage<'_>,
-    ) -> Result<Option<Cut>, Cancelled> {
-        let grid = Grid::new(&range.extent.centers, self.bins as usize);
-        let bins = fill(&grid, range.slots, stage)?;
-        let Some(plane) = cheapest(&grid, &bins) else { return Ok(None) };
-
-        let count = range.slots.len();
-        let area = range.extent.bounds.half_area();
-        let split_pays = plane.cost + f64::from(self.visit_cost) * area < count as f64 * area;
-        if count <= self.leaf_max as usize && !split_pays {
-            return Ok(None);
+        check_option("block", f64::from(self.block), 1.0..=64.0, "1..=64")?;
+        if bounds.len() > PRIMS_MAX {
+            return Err(BuildError::TooManyPrims { prims: bounds.len() as u64 });
         }
-        let goes_left = |item: &PrimRef| grid.bin(item.bounds.center(), plane.axis) < plane.bin;
-        prim_ref::partition(range.slots, goes_left, stage)
+        if bounds.is_empty() {
+            return Ok(Tree::default());
+        }
+        let stage = Stage::new(context, "build", bounds.len() as u64);
+        let (mut refs, top) = groups::gather(bounds, context)?;
+        let mut prims = memory::try_filled(0, bounds.len(), "the tree's primitives")?;
+
+        // One task a group: what it does depends on nothing else.
+        let mut tasks = Vec::with_capacity(top.groups.len());
+        let (mut refs_left, mut prims_left) = (refs.as_mut_slice(), prims.as_mut_slice());
+        for group in &top.groups {
+            let (refs, rest) = refs_left.split_at_mut(group.count);
+            let (prims, names) = prims_left.split_at_mut(group.count);
+            (refs_left, prims_left) = (rest, names);
+            tasks.push((refs, prims, group.depth));
+        }
+        let subtrees = parallel::map(tasks, |(refs, prims, depth)| {
+            let nodes = Growth::new(self, refs, &stage).grow(depth)?;
+            prims.iter_mut().zip(&*refs).for_each(|(prim, item)| *prim = item.prim());
+            stage.advance(refs.len() as u64);
+            Ok(nodes)
+        });
+        let subtrees = subtrees.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
+        drop(refs);
+        Ok(Tree { nodes: join(&top, subtrees)?, prims })
     }
 }
 
-/// How centers map to bins.
-struct Grid {
-    origin: [f32; 3],
-    scale: [f32; 3],
-    bins: usize,
+/// The top and the trees of its groups as one tree.
+fn join(top: &Top, subtrees: Vec<Vec<Node>>) -> Result<Vec<Node>, BuildError> {
+    let count = top.len() + subtrees.iter().map(|nodes| nodes.len() - 1).sum::<usize>();
+    let mut nodes = memory::try_with_capacity(count, "the tree's nodes")?;
+    nodes.resize(top.len(), Node::inner(Aabb::EMPTY, 0));
+    let mut prims = 0;
+    for (group, subtree) in top.groups.iter().zip(subtrees) {
+        // Node 1 of the subtree lands at the present end.
+        let children = nodes.len() - 1;
+        nodes[group.node] = subtree[0].shifted(children, prims);
+        nodes.extend(subtree[1..].iter().map(|node| node.shifted(children, prims)));
+        prims += group.count;
+    }
+    for at in (0..top.len()).rev() {
+        if let Some(left) = top.left(at) {
+            let bounds = nodes[left].bounds.union(&nodes[left + 1].bounds);
+            nodes[at] = Node::inner(bounds, left);
+        }
+    }
+    Ok(nodes)
 }
 
-impl Grid {
-    fn new(centers: &Aabb, bins: usize) -> Self {
-        // An axis without extent gets scale 0: everything in bin 0, no plane there.
-        let scale = centers.extent().map(|e| if e > 0.0 { bins as f32 / e } else { 0.0 });
-        Self { origin: centers.lo, scale, bins }
-    }
+/// Ranges larger than this are cut where a sample of this many says.
+const SAMPLE_MAX: usize = 2048;
+/// Partitions work on this many references at a time.
+const CHUNK: usize = 2048;
 
-    /// The bin of a center; NaN (an extent whose reciprocal overflows) lands in bin 0.
-    #[inline(always)]
-    fn bin(&self, center: [f32; 3], axis: usize) -> usize {
-        let place = (center[axis] - self.origin[axis]) * self.scale[axis];
-        (place as usize).min(self.bins - 1)
-    }
+/// A subtree being grown over some references.
+struct Growth<'a> {
+    options: &'a BinnedSah,
+    block_bits: u32,
+    refs: &'a mut [Ref],
+    stage: &'a Stage<'a>,
+    nodes: Vec<Node>,
+    bins: Box<Bins>,
+    /// The right side of a chunk that is being partitioned.
+    spare: Vec<Ref>,
+    /// Nodes whose box is known only when their children's are.
+    late: Vec<usize>,
 }
 
+/// A node to be, over a range of the references.
 #[derive(Clone, Copy)]
-struct Bin {
-    bounds: Aabb,
-    count: usize,
+struct Open {
+    node: usize,
+    begin: usize,
+    end: usize,
+    depth: u32,
 }
 
-impl Bin {
-    const EMPTY: Self = Self { bounds: Aabb::EMPTY, count: 0 };
+impl<'a> Growth<'a> {
+    fn new(options: &'a BinnedSah, refs: &'a mut [Ref], stage: &'a Stage<'a>) -> Self {
+        Self {
+            options,
+            block_bits: options.block.next_power_of_two().trailing_zeros(),
+            nodes: Vec::with_capacity(refs.len()),
+            bins: Box::new(Bins::EMPTY),
+            spare: alloc::vec![Ref::NONE; CHUNK.min(refs.len())],
+            late: Vec::new(),
+            refs,
+            stage,
+        }
+    }
 
-    fn add(&mut self, other: &Self) {
-        self.bounds = self.bounds.union(&other.bounds);
-        self.count += other.count;
+    /// The nodes of a subtree whose root is at that depth; its root is node 0, its ranges start
+    /// at 0.
+    fn grow(mut self, depth: u32) -> Result<Vec<Node>, Cancelled> {
+        let root = Open { node: 0, begin: 0, end: self.refs.len(), depth };
+        self.nodes.push(Node::inner(Aabb::EMPTY, 0));
+        let mut open = alloc::vec![root];
+        while let Some(range) = open.pop() {
+            self.stage.check()?;
+            let (bounds, middle) = self.decide(&range)?;
+            let bounds = bounds.to_aabb();
+            let Some(middle) = middle else {
+                self.nodes[range.node] = Node::leaf(bounds, range.begin, range.end - range.begin);
+                continue;
+            };
+            let left = self.nodes.len();
+            self.nodes[range.node] = Node::inner(bounds, left);
+            self.nodes.extend([Node::inner(Aabb::EMPTY, 0); 2]);
+            let depth = range.depth + 1;
+            open.push(Open { node: left + 1, begin: middle, end: range.end, depth });
+            open.push(Open { node: left, begin: range.begin, end: middle, depth });
+        }
+        for &at in self.late.iter().rev() {
+            if let Kind::Inner { left } = self.nodes[at].kind() {
+                self.nodes[at].bounds =
+                    self.nodes[left].bounds.union(&self.nodes[left + 1].bounds);
+            }
+        }
+        Ok(self.nodes)
+    }
+
+    /// The box of a range and where it is cut, if it is not to be a leaf.
+    fn decide(&mut self, range: &Open) -> Result<(Box4, Option<usize>), Cancelled> {
+        let count = range.end - range.begin;
+        // A halved range of `count` still needs this many levels below this one.
+        let levels = usize::BITS - (count - 1).leading_zeros();
+        let may_choose = range.depth + levels + 1 < DEPTH_MAX;
+        if count > SAMPLE_MAX {
+            self.late.push(range.node);
+            let half = range.begin + count / 2;
+            let middle = if may_choose { self.cut_by_sample(range)? } else { None };
+            return Ok((Box4::EMPTY, Some(middle.unwrap_or(half))));
+        }
+        let extent = extent_of(self.refs[range.begin..range.end].iter());
+        let middle = if count > 1 && may_choose { self.cut(range, &extent) } else { None };
+        let full = count > self.options.leaf_max as usize;
+        Ok((extent.bounds, middle.or(full.then_some(range.begin + count / 2))))
+    }
+
+    /// Cuts a small range at its cheapest plane.
+    fn cut(&mut self, range: &Open, extent: &Extent4) -> Option<usize> {
+        let refs = &mut self.refs[range.begin..range.end];
+        let (count, block) = (refs.len(), 1_usize << self.block_bits);
+        let may_stay = count <= self.options.leaf_max as usize;
+        if may_stay && count <= block {
+            return None;
+        }
+        let grid = Grid::new(extent.centers, bins_for(count, self.options.bins as usize));
+        self.bins.fill(&grid, refs.iter());
+        let unit = unit(extent.bounds);
+        let plane = self.bins.cheapest(grid.bins, unit, self.block_bits)?;
+        if may_stay {
+            let area = extent.bounds.half_area(unit);
+            let stay = count.div_ceil(block) as f32 * area;
+            if plane.cost + self.options.visit_cost * area >= stay {
+                return None;
+            }
+        }
+        let left = |item: &Ref| grid.bin(item.center2(plane.axis), plane.axis) < plane.bin;
+        let middle = partition(refs, &mut self.spare, left);
+        Some(range.begin + middle)
+    }
+
+    /// Cuts a large range at the plane that is cheapest for a sample of it.
+    fn cut_by_sample(&mut self, range: &Open) -> Result<Option<usize>, Cancelled> {
+        let refs = &mut self.refs[range.begin..range.end];
+        let stride = refs.len().div_ceil(SAMPLE_MAX);
+        let extent = extent_of(refs.iter().step_by(stride));
+        let grid = Grid::new(extent.centers, self.options.bins as usize);
+        self.bins.fill(&grid, refs.iter().step_by(stride));
+        let Some(plane) = self.bins.cheapest(grid.bins, unit(extent.bounds), 0) else {
+            return Ok(None);
+        };
+        let left = |item: &Ref| grid.bin(item.center2(plane.axis), plane.axis) < plane.bin;
+        let mut lefts = Vec::with_capacity(refs.len() / CHUNK + 1);
+        for chunk in refs.chunks_mut(CHUNK) {
+            self.stage.check()?;
+            lefts.push(partition(chunk, &mut self.spare, left));
+        }
+        let middle = regroup(refs, &lefts);
+        Ok((0 < middle && middle < refs.len()).then_some(range.begin + middle))
     }
 }
 
-/// `[axis][bin]`.
-type Bins = [[Bin; BINS_MAX]; 3];
+/// How many bins an axis to try for so many primitives.
+fn bins_for(count: usize, most: usize) -> usize {
+    (4 + count / 4).min(most)
+}
 
-/// Drops the centers into bins, chunks of them in parallel. The sums do not depend on the order.
-fn fill(grid: &Grid, refs: &[PrimRef], stage: &Stage<'_>) -> Result<Bins, Cancelled> {
-    let drop_in = |refs: &[PrimRef]| {
-        let mut bins = [[Bin::EMPTY; BINS_MAX]; 3];
-        for item in refs {
-            let center = item.bounds.center();
-            for (axis, bins) in bins.iter_mut().enumerate() {
-                let bin = &mut bins[grid.bin(center, axis)];
-                bin.bounds = bin.bounds.union(&item.bounds);
-                bin.count += 1;
-            }
-        }
-        bins
+/// Moves what goes left to the front of a chunk, keeping the order on both sides. No branch depends
+/// on where a reference goes.
+#[inline(always)]
+fn partition(refs: &mut [Ref], spare: &mut [Ref], goes_left: impl Fn(&Ref) -> bool) -> usize {
+    let spare = &mut spare[..refs.len().min(CHUNK)];
+    let (mut left, mut right) = (0, 0);
+    for at in 0..refs.len() {
+        let item = refs[at];
+        let goes = usize::from(goes_left(&item));
+        refs[left] = item;
+        spare[right] = item;
+        left += goes;
+        right += 1 - goes;
+    }
+    refs[left..].copy_from_slice(&spare[..right]);
+    left
+}
+
+/// Swaps what is on the wrong side, when each chunk is partitioned by itself with that many to its
+/// left.
+fn regroup(refs: &mut [Ref], lefts: &[usize]) -> usize {
+    let middle = lefts.iter().sum();
+    let count = refs.len();
+    let (head, tail) = refs.split_at_mut(middle);
+    // Runs that belong right but lie before the middle, and runs that belong left and lie after.
+    let runs = |chunk: usize| {
+        let (begin, end) = (chunk * CHUNK, count.min((chunk + 1) * CHUNK));
+        let cut = begin + lefts[chunk];
+        (cut..end.min(middle), begin.max(middle)..cut)
     };
-    if refs.len() <= CHUNK {
-        return Ok(drop_in(refs));
+    let mut wrong = (0..lefts.len()).map(|chunk| runs(chunk).0).filter(|run| !run.is_empty());
+    let mut there = (0..lefts.len()).map(|chunk| runs(chunk).1).filter(|run| !run.is_empty());
+    let (mut a, mut b) = (wrong.next(), there.next());
+    while let (Some(right), Some(left)) = (a.clone(), b.clone()) {
+        let most = right.len().min(left.len());
+        let (from, to) = (right.start, left.start - middle);
+        head[from..from + most].swap_with_slice(&mut tail[to..to + most]);
+        a = if most < right.len() { Some(from + most..right.end) } else { wrong.next() };
+        b = if most < left.len() { Some(left.start + most..left.end) } else { there.next() };
     }
-    let parts = parallel::map_chunks(refs, CHUNK, |_, refs| {
-        stage.check()?;
-        Ok(drop_in(refs))
-    });
-    let mut sum = [[Bin::EMPTY; BINS_MAX]; 3];
-    for part in parts {
-        for (sum, part) in sum.iter_mut().flatten().zip(part?.iter().flatten()) {
-            sum.add(part);
-        }
-    }
-    Ok(sum)
-}
-
-/// Bins below `bin` of `axis` go left.
-struct Plane {
-    axis: usize,
-    bin: usize,
-    /// Primitive tests, weighted by half area.
-    cost: f64,
-}
-
-/// The cheapest plane that leaves something on both sides; the first one wins a tie.
-fn cheapest(grid: &Grid, bins: &Bins) -> Option<Plane> {
-    let mut best: Option<Plane> = None;
-    for (axis, bins) in bins.iter().enumerate() {
-        let bins = &bins[..grid.bins];
-        // From the right: the cost of everything from each bin on.
-        let mut right_cost = [0.0; BINS_MAX];
-        let mut right = Bin::EMPTY;
-        for bin in (1..grid.bins).rev() {
-            right.add(&bins[bin]);
-            right_cost[bin] = right.bounds.half_area() * right.count as f64;
-        }
-        // From the left: add the cost of everything before it.
-        let total: usize = bins.iter().map(|bin| bin.count).sum();
-        let mut left = Bin::EMPTY;
-        for bin in 1..grid.bins {
-            left.add(&bins[bin - 1]);
-            let cost = left.bounds.half_area() * left.count as f64 + right_cost[bin];
-            let two_sided = 0 < left.count && left.count < total;
-            if two_sided && best.as_ref().is_none_or(|best| cost < best.cost) {
-                best = Some(Plane { axis, bin, cost });
-            }
-        }
-    }
-    best
+    middle
 }
 
 #[cfg(test)]
@@ -190,6 +298,7 @@ mod tests {
         assert_eq!(bad, Err(BuildError::Option { option: "bins", value: 33.0, allowed: "2..=32" }));
         assert!(build(BinnedSah { leaf_max: 0, ..BinnedSah::DEFAULT }).is_err());
         assert!(build(BinnedSah { visit_cost: f32::NAN, ..BinnedSah::DEFAULT }).is_err());
+        assert!(build(BinnedSah { block: 0, ..BinnedSah::DEFAULT }).is_err());
         assert!(build(BinnedSah::DEFAULT).is_ok());
     }
 }
