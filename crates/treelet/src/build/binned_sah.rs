@@ -6,7 +6,7 @@
 //!
 //! O(n log n) time, in place: 32 bytes a primitive and the nodes, twice while they are put together.
 
-use super::bins::{BINS_MAX, Bins, Grid, extent_of, unit};
+use super::bins::{BINS_MAX, Bins, Grid, Plane, extent_of, unit};
 use super::groups::{self, Top};
 use super::lanes::{Box4, Extent4, Ref};
 use super::{BuildError, Builder, Info, check_leaf_max, check_option};
@@ -112,7 +112,7 @@ const CHUNK: usize = 2048;
 /// A subtree being grown over some references.
 struct Growth<'a> {
     options: &'a BinnedSah,
-    block_bits: u32,
+    block: u32,
     refs: &'a mut [Ref],
     stage: &'a Stage<'a>,
     nodes: Vec<Node>,
@@ -136,10 +136,10 @@ impl<'a> Growth<'a> {
     fn new(options: &'a BinnedSah, refs: &'a mut [Ref], stage: &'a Stage<'a>) -> Self {
         Self {
             options,
-            block_bits: options.block.next_power_of_two().trailing_zeros(),
+            block: options.block.next_power_of_two(),
             nodes: Vec::with_capacity(refs.len()),
-            bins: Box::new(Bins::EMPTY),
-            spare: alloc::vec![Ref::NONE; CHUNK.min(refs.len())],
+            bins: Bins::new(),
+            spare: alloc::vec![Ref::none(); CHUNK.min(refs.len())],
             late: Vec::new(),
             refs,
             stage,
@@ -186,9 +186,9 @@ impl<'a> Growth<'a> {
             self.late.push(range.node);
             let half = range.begin + count / 2;
             let middle = if may_choose { self.cut_by_sample(range)? } else { None };
-            return Ok((Box4::EMPTY, Some(middle.unwrap_or(half))));
+            return Ok((Box4::empty(), Some(middle.unwrap_or(half))));
         }
-        let extent = extent_of(self.refs[range.begin..range.end].iter());
+        let extent = extent_of(&self.refs[range.begin..range.end]);
         let middle = if count > 1 && may_choose { self.cut(range, &extent) } else { None };
         let full = count > self.options.leaf_max as usize;
         Ok((extent.bounds, middle.or(full.then_some(range.begin + count / 2))))
@@ -197,7 +197,7 @@ impl<'a> Growth<'a> {
     /// Cuts a small range at its cheapest plane.
     fn cut(&mut self, range: &Open, extent: &Extent4) -> Option<usize> {
         let refs = &mut self.refs[range.begin..range.end];
-        let (count, block) = (refs.len(), 1_usize << self.block_bits);
+        let (count, block) = (refs.len(), self.block as usize);
         let may_stay = count <= self.options.leaf_max as usize;
         if may_stay && count <= block {
             return None;
@@ -205,7 +205,7 @@ impl<'a> Growth<'a> {
         let grid = Grid::new(extent.centers, bins_for(count, self.options.bins as usize));
         self.bins.fill(&grid, refs.iter());
         let unit = unit(extent.bounds);
-        let plane = self.bins.cheapest(grid.bins, unit, self.block_bits)?;
+        let plane = self.bins.cheapest(grid.bins, unit, self.block)?;
         if may_stay {
             let area = extent.bounds.half_area(unit);
             let stay = count.div_ceil(block) as f32 * area;
@@ -213,8 +213,7 @@ impl<'a> Growth<'a> {
                 return None;
             }
         }
-        let left = |item: &Ref| grid.bin(item.center2(plane.axis), plane.axis) < plane.bin;
-        let middle = partition(refs, &mut self.spare, left);
+        let middle = partition(refs, &mut self.spare, &grid, &plane);
         Some(range.begin + middle)
     }
 
@@ -222,17 +221,16 @@ impl<'a> Growth<'a> {
     fn cut_by_sample(&mut self, range: &Open) -> Result<Option<usize>, Cancelled> {
         let refs = &mut self.refs[range.begin..range.end];
         let stride = refs.len().div_ceil(SAMPLE_MAX);
-        let extent = extent_of(refs.iter().step_by(stride));
+        let extent = Extent4::of(refs.iter().step_by(stride));
         let grid = Grid::new(extent.centers, self.options.bins as usize);
         self.bins.fill(&grid, refs.iter().step_by(stride));
-        let Some(plane) = self.bins.cheapest(grid.bins, unit(extent.bounds), 0) else {
+        let Some(plane) = self.bins.cheapest(grid.bins, unit(extent.bounds), 1) else {
             return Ok(None);
         };
-        let left = |item: &Ref| grid.bin(item.center2(plane.axis), plane.axis) < plane.bin;
         let mut lefts = Vec::with_capacity(refs.len() / CHUNK + 1);
         for chunk in refs.chunks_mut(CHUNK) {
             self.stage.check()?;
-            lefts.push(partition(chunk, &mut self.spare, left));
+            lefts.push(partition(chunk, &mut self.spare, &grid, &plane));
         }
         let middle = regroup(refs, &lefts);
         Ok((0 < middle && middle < refs.len()).then_some(range.begin + middle))
@@ -246,13 +244,13 @@ fn bins_for(count: usize, most: usize) -> usize {
 
 /// Moves what goes left to the front of a chunk, keeping the order on both sides. No branch depends
 /// on where a reference goes.
-#[inline(always)]
-fn partition(refs: &mut [Ref], spare: &mut [Ref], goes_left: impl Fn(&Ref) -> bool) -> usize {
+#[inline(never)]
+fn partition(refs: &mut [Ref], spare: &mut [Ref], grid: &Grid, plane: &Plane) -> usize {
     let spare = &mut spare[..refs.len().min(CHUNK)];
     let (mut left, mut right) = (0, 0);
     for at in 0..refs.len() {
         let item = refs[at];
-        let goes = usize::from(goes_left(&item));
+        let goes = grid.is_below(&item, plane);
         refs[left] = item;
         spare[right] = item;
         left += goes;

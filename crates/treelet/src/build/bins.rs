@@ -1,67 +1,49 @@
 //! Bins: centers dropped into a few slots an axis, and the cheapest edge between two of them.
+//!
+//! All three axes are priced side by side, one in each lane.
 
-use super::lanes::{Box4, Extent4, Lanes, Ref, max, min, mul, sub};
+use super::f4::F4;
+use super::lanes::{Box4, Extent4, Ref};
+use alloc::boxed::Box;
 
 /// The most bins an axis that there is room for; a power of two.
 pub(super) const BINS_MAX: usize = 32;
 
-/// Added to a number in `0 ..= 2^22`, leaves the nearest integer in the low bits of the sum.
-const TO_BITS: f32 = 12_582_912.0;
-
 /// How centers map to bins: monotone along each axis, in range for whatever comes, NaN included.
 #[derive(Clone, Copy)]
 pub(super) struct Grid {
-    origin: Lanes,
-    scale: Lanes,
-    top: Lanes,
+    origin: F4,
+    scale: F4,
     pub(super) bins: usize,
 }
 
 impl Grid {
     /// A grid over twice the centers, of up to [`BINS_MAX`] bins.
     #[inline(always)]
-    pub(super) fn new(centers: Box4, bins: usize) -> Self {
-        let extent = centers.extent();
-        // Just less than `bins`, so that the last center is in the last bin without its clamp. An
-        // axis without extent gets scale 0: everything in bin 0, no edge there.
-        let fill = bins as f32 * 0.999_99;
-        let along = |e: f32| if e > 0.0 { fill / e } else { 0.0 };
-        Self {
-            origin: centers.lo,
-            scale: [along(extent[0]), along(extent[1]), along(extent[2]), 0.0],
-            top: [(bins - 1) as f32; 4],
-            bins,
-        }
+    pub(super) fn new([low, high]: [F4; 2], bins: usize) -> Self {
+        // An axis without extent gets scale 0: everything in bin 0, no edge there.
+        let [x, y, z, _] = high.sub(low).to_array();
+        let along = |e: f32| if e > 0.0 { bins as f32 / e } else { 0.0 };
+        Self { origin: low, scale: F4::new(along(x), along(y), along(z), 0.0), bins }
     }
 
-    /// The bins of a center, by axis.
+    /// Where a center lies, in bins; never negative, and 0 where there is no telling.
     #[inline(always)]
-    pub(super) fn bins(&self, center2: Lanes) -> [usize; 3] {
-        let place = sub(mul(sub(center2, self.origin), self.scale), [0.5; 4]);
-        let place = min(max(place, [0.0; 4]), self.top);
-        let bits = |i: usize| (place[i] + TO_BITS).to_bits() as usize % BINS_MAX;
-        [bits(0), bits(1), bits(2)]
+    fn place(&self, center2: F4) -> F4 {
+        center2.sub(self.origin).mul(self.scale).max(F4::splat(0.0))
     }
 
     /// About where bin `bin` begins, in twice the center.
     pub(super) fn edge(&self, axis: usize, bin: usize) -> f32 {
-        self.origin[axis] + bin as f32 / self.scale[axis]
+        self.origin.to_array()[axis] + bin as f32 / self.scale.to_array()[axis]
     }
 
-    /// The bin of a center along one axis: the same arithmetic.
+    /// Whether a primitive lies below the plane: exactly those that `fill` drops below it.
     #[inline(always)]
-    pub(super) fn bin(&self, center2: f32, axis: usize) -> usize {
-        let place = (center2 - self.origin[axis]) * self.scale[axis] - 0.5;
-        let place = if place > 0.0 { place } else { 0.0 };
-        let place = if place < self.top[0] { place } else { self.top[0] };
-        (place + TO_BITS).to_bits() as usize % BINS_MAX
+    pub(super) fn is_below(&self, item: &Ref, plane: &Plane) -> usize {
+        let below = self.place(item.center2()).less_bits(F4::splat(plane.bin as f32));
+        (below >> plane.axis) & 1
     }
-}
-
-/// What is in the bins.
-pub(super) struct Bins {
-    boxes: [[Box4; BINS_MAX]; 3],
-    counts: [[u32; BINS_MAX]; 3],
 }
 
 /// Bins below `bin` of `axis` go left.
@@ -76,76 +58,104 @@ pub(super) struct Plane {
 /// The scale of edges at which areas of parts of `bounds` are compared: they neither overflow nor,
 /// where it matters, vanish.
 #[inline(always)]
-pub(super) fn unit(bounds: Box4) -> Lanes {
-    let [x, y, z, _] = bounds.extent();
+pub(super) fn unit(bounds: Box4) -> F4 {
+    let [x, y, z, _] = bounds.edges().to_array();
     let longest = x.max(y).max(z);
-    [if longest > 0.0 { 1.0 / longest } else { 0.0 }; 4]
+    F4::splat(if longest > 0.0 { 1.0 / longest } else { 0.0 })
+}
+
+/// What is in the bins.
+pub(super) struct Bins {
+    /// Around the primitives: `[bin][axis]`.
+    boxes: [[Box4; 3]; BINS_MAX],
+    /// How many: `[bin][axis]`, one for show.
+    counts: [[u32; 4]; BINS_MAX],
 }
 
 impl Bins {
-    pub(super) const EMPTY: Self =
-        Self { boxes: [[Box4::EMPTY; BINS_MAX]; 3], counts: [[0; BINS_MAX]; 3] };
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self { boxes: [[Box4::empty(); 3]; BINS_MAX], counts: [[0; 4]; BINS_MAX] })
+    }
 
     /// Drops every primitive into one bin an axis.
-    #[inline(always)]
+    #[inline(never)]
     pub(super) fn fill<'a>(&mut self, grid: &Grid, refs: impl Iterator<Item = &'a Ref>) {
-        for axis in 0..3 {
-            self.boxes[axis][..grid.bins].fill(Box4::EMPTY);
-            self.counts[axis][..grid.bins].fill(0);
-        }
+        self.boxes[..grid.bins].fill([Box4::empty(); 3]);
+        self.counts[..grid.bins].fill([0; 4]);
+        let top = F4::splat((grid.bins - 1) as f32);
         for item in refs {
             let bounds = item.bounds();
-            let [x, y, z] = grid.bins(bounds.center2());
-            self.boxes[0][x] = self.boxes[0][x].union(bounds);
-            self.boxes[1][y] = self.boxes[1][y].union(bounds);
-            self.boxes[2][z] = self.boxes[2][z].union(bounds);
-            self.counts[0][x] += 1;
-            self.counts[1][y] += 1;
-            self.counts[2][z] += 1;
+            let [x, y, z] = grid.place(item.center2()).min(top).to_indices();
+            let (x, y, z) = (x % BINS_MAX, y % BINS_MAX, z % BINS_MAX);
+            self.boxes[x][0] = self.boxes[x][0].union(bounds);
+            self.boxes[y][1] = self.boxes[y][1].union(bounds);
+            self.boxes[z][2] = self.boxes[z][2].union(bounds);
+            self.counts[x][0] += 1;
+            self.counts[y][1] += 1;
+            self.counts[z][2] += 1;
         }
     }
 
-    /// The cheapest plane that leaves something on both sides; the first one wins a tie.
+    /// The cheapest plane that leaves something on both sides; the lowest axis wins a tie, then the
+    /// first bin.
     ///
-    /// A side of `n` primitives has `ceil(n / 2^block_bits)` leaf tests.
-    #[inline(always)]
-    pub(super) fn cheapest(&self, bins: usize, unit: Lanes, block_bits: u32) -> Option<Plane> {
-        let mut best = Plane { axis: 0, bin: 0, cost: f32::INFINITY };
-        let more = (1_u32 << block_bits) - 1;
-        let tests = |count: u32| ((count + more) >> block_bits) as f32;
-        for axis in 0..3 {
-            let (boxes, counts) = (&self.boxes[axis], &self.counts[axis]);
-            // From the right: the cost of everything from each bin on.
-            let mut right_cost = [0.0_f32; BINS_MAX];
-            let (mut right, mut total) = (Box4::EMPTY, 0);
-            for bin in (1..bins).rev() {
-                right = right.union(boxes[bin]);
-                total += counts[bin];
-                // An empty side rules the plane out.
-                let price = right.half_area(unit) * tests(total);
-                right_cost[bin] = if total > 0 { price } else { f32::INFINITY };
+    /// A side of `n` primitives has `ceil(n / block)` leaf tests, `block` being a power of two.
+    #[inline(never)]
+    pub(super) fn cheapest(&self, bins: usize, unit: F4, block: u32) -> Option<Plane> {
+        let bins = bins.min(BINS_MAX);
+        let never = F4::splat(f32::INFINITY);
+        let (more, share) = (F4::splat((block - 1) as f32), F4::splat(1.0 / block as f32));
+        let tests = |count: F4| count.add(more).mul(share).trunc();
+        let areas = |sides: &[Box4; 3]| {
+            let edges = |side: Box4| side.edges().mul(unit);
+            F4::half_areas([edges(sides[0]), edges(sides[1]), edges(sides[2])])
+        };
+        let grow = |sides: &mut [Box4; 3], by: &[Box4; 3]| {
+            for axis in 0..3 {
+                sides[axis] = sides[axis].union(by[axis]);
             }
-            // From the left: add the cost of everything before it.
-            let (mut left, mut before) = (Box4::EMPTY, 0);
-            for bin in 1..bins {
-                left = left.union(boxes[bin - 1]);
-                before += counts[bin - 1];
-                let cost = left.half_area(unit) * tests(before) + right_cost[bin];
-                let cost = if before > 0 { cost } else { f32::INFINITY };
-                if cost < best.cost {
-                    best = Plane { axis, bin, cost };
-                }
+        };
+
+        // From the right: the cost of everything from each bin on.
+        let mut right_cost = [never; BINS_MAX];
+        let (mut right, mut after) = ([Box4::empty(); 3], F4::splat(0.0));
+        for bin in (1..bins).rev() {
+            grow(&mut right, &self.boxes[bin]);
+            after = after.add(F4::from_counts(&self.counts[bin]));
+            right_cost[bin] = price(after, areas(&right).mul(tests(after)));
+        }
+
+        // From the left: add the cost of everything before it.
+        let (mut left, mut before) = ([Box4::empty(); 3], F4::splat(0.0));
+        let (mut best, mut best_bin) = (never, F4::splat(0.0));
+        for bin in 1..bins {
+            grow(&mut left, &self.boxes[bin - 1]);
+            before = before.add(F4::from_counts(&self.counts[bin - 1]));
+            let cost = price(before, areas(&left).mul(tests(before)).add(right_cost[bin]));
+            best_bin = cost.less_pick(best, F4::splat(bin as f32), best_bin);
+            best = cost.min(best);
+        }
+
+        let (costs, at) = (best.to_array(), best_bin.to_array());
+        let mut axis = 0;
+        for other in 1..3 {
+            if costs[other] < costs[axis] {
+                axis = other;
             }
         }
-        (best.bin > 0).then_some(best)
+        let bin = at[axis] as usize;
+        (bin > 0).then_some(Plane { axis, bin, cost: costs[axis] })
     }
 }
 
-/// The extent of some references.
+/// The price of a side; an empty one rules the plane out.
 #[inline(always)]
-pub(super) fn extent_of<'a>(refs: impl Iterator<Item = &'a Ref>) -> Extent4 {
-    refs.fold(Extent4::EMPTY, |mut extent, item| {
-        extent.add(item);
-        extent
-    })
+fn price(count: F4, price: F4) -> F4 {
+    F4::splat(0.0).less_pick(count, price, F4::splat(f32::INFINITY))
+}
+
+/// The extent of a contiguous range.
+#[inline(never)]
+pub(super) fn extent_of(refs: &[Ref]) -> Extent4 {
+    Extent4::of(refs.iter())
 }

@@ -12,12 +12,11 @@
 //! it there; 1 byte a primitive besides the references.
 
 use super::BuildError;
-use super::bins::{BINS_MAX, Bins, Grid, extent_of, unit};
-use super::lanes::Ref;
+use super::bins::{BINS_MAX, Bins, Grid, unit};
+use super::lanes::{Extent4, Ref};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, parallel};
 use crate::memory;
-use alloc::boxed::Box;
 use alloc::vec::Vec;
 
 /// How many primitives the sample has.
@@ -80,11 +79,13 @@ impl Top {
 
     /// The group of a primitive. No branch depends on where it goes.
     #[inline(always)]
-    fn group(&self, item: &Ref) -> u8 {
+    fn group(&self, bounds: &Aabb) -> u8 {
+        let center2 = |axis: usize| bounds.lo[axis] + bounds.hi[axis];
+        let center2 = [center2(0), center2(1), center2(2), 0.0];
         let mut at = 0;
         for _ in 0..self.depth {
             let node = &self.nodes[at as usize];
-            at = node.left + u32::from(item.center2(node.axis as usize % 3) >= node.edge);
+            at = node.left + u32::from(center2[node.axis as usize % 4] >= node.edge);
         }
         self.nodes[at as usize].group as u8
     }
@@ -108,7 +109,7 @@ pub(super) fn gather(
         let mut counts = [0_u32; GROUPS_MAX];
         let mut groups = Vec::with_capacity(bounds.len());
         groups.extend(bounds.iter().map(|bounds| {
-            let group = top.group(&Ref::new(bounds, 0));
+            let group = top.group(bounds);
             counts[usize::from(group)] += 1;
             group
         }));
@@ -122,7 +123,7 @@ pub(super) fn gather(
     // First touched here: fresh pages take longer than what is written to them.
     while refs.len() < bounds.len() {
         context.cancel.check()?;
-        refs.resize(bounds.len().min(refs.len() + CHUNK), Ref::NONE);
+        refs.resize(bounds.len().min(refs.len() + CHUNK), Ref::none());
     }
 
     // Give each chunk its part of each group, in the order of the chunks, and move everybody there.
@@ -158,7 +159,7 @@ fn cut_sample(bounds: &[Aabb], context: &Context<'_>) -> Result<Top, Cancelled> 
         bounds.iter().step_by(stride).map(|bounds| Ref::new(bounds, 0)).collect();
     let mut top = Top::of_one(sample.len());
     top.groups.clear();
-    let mut bins = Box::new(Bins::EMPTY);
+    let mut bins = Bins::new();
 
     // Breadth first, so that the groups are about equal when their number is used up.
     let mut open = alloc::collections::VecDeque::from([(0, 0..sample.len(), 0)]);
@@ -189,14 +190,14 @@ fn cut_sample(bounds: &[Aabb], context: &Context<'_>) -> Result<Top, Cancelled> 
 
 /// Partitions a part of the sample at its cheapest plane: the axis, where, and how many are left.
 fn cut_part(part: &mut [Ref], bins: &mut Bins) -> Option<(usize, f32, usize)> {
-    let extent = extent_of(part.iter());
+    let extent = Extent4::of(part.iter());
     let grid = Grid::new(extent.centers, BINS_MAX);
     bins.fill(&grid, part.iter());
-    let plane = bins.cheapest(grid.bins, unit(extent.bounds), 0)?;
+    let plane = bins.cheapest(grid.bins, unit(extent.bounds), 1)?;
     let edge = grid.edge(plane.axis, plane.bin);
     let mut left = 0;
     for at in 0..part.len() {
-        if part[at].center2(plane.axis) < edge {
+        if part[at].center2().to_array()[plane.axis] < edge {
             part.swap(at, left);
             left += 1;
         }
