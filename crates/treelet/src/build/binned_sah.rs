@@ -33,8 +33,8 @@ pub struct BinnedSah {
 }
 
 impl BinnedSah {
-    /// Sixteen bins, leaves of up to four, tested side by side.
-    pub const DEFAULT: Self = Self { leaf_max: 4, bins: 16, visit_cost: 1.0, block: 4 };
+    /// Thirty-two bins, leaves of up to four, tested side by side.
+    pub const DEFAULT: Self = Self { leaf_max: 4, bins: 32, visit_cost: 1.0, block: 4 };
 }
 
 impl Builder for BinnedSah {

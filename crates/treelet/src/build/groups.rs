@@ -20,10 +20,10 @@ use crate::memory;
 use alloc::vec::Vec;
 
 /// How many primitives the sample has.
-const SAMPLE: usize = 32_768;
-/// A group is not cut when it has less than this share of the sample: 512 primitives choose a
+const SAMPLE: usize = 65_536;
+/// A group is not cut when it has less than this many of the sample: 1024 primitives choose a
 /// plane about as well as all of them.
-const GROUP_SAMPLE: usize = 512;
+const GROUP_SAMPLE: usize = 1024;
 /// The most groups: their numbers are bytes.
 const GROUPS_MAX: usize = 256;
 /// The top is no deeper than this.
