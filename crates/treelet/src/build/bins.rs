@@ -2,8 +2,8 @@
 //!
 //! All three axes are priced side by side, one in each lane.
 
-use super::f4::F4;
 use super::lanes::{Box4, Extent4, Ref};
+use crate::simd::f4::F4;
 use alloc::boxed::Box;
 
 /// The most bins an axis that there is room for; a power of two.

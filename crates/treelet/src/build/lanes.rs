@@ -2,8 +2,8 @@
 //!
 //! `hi` is kept negated: growing a box is then two minima.
 
-use super::f4::F4;
 use crate::bounds::Aabb;
+use crate::simd::f4::F4;
 
 /// A box in eight lanes. The fourth lane of each half means nothing.
 #[derive(Clone, Copy, Debug)]

@@ -4,8 +4,6 @@
 //! their price does. Named builders give the same tree for any number of threads.
 
 mod bins;
-#[path = "../simd/f4.rs"]
-mod f4;
 mod groups;
 mod lanes;
 mod prim_ref;

@@ -54,12 +54,13 @@ pub(crate) const SLACK: f32 = 16.0;
 /// A ray prepared for many triangles of one level.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleRay {
-    origin: [f32; 3],
+    pub(super) origin: [f32; 3],
     /// The axes that become x, y and z; z is where the direction is longest.
-    axes: [usize; 3],
+    pub(super) axes: [usize; 3],
     /// `direction[x] / direction[z]`, `direction[y] / direction[z]`.
-    shear: [f32; 2],
-    direction_z: f32,
+    pub(super) shear: [f32; 2],
+    /// `1 / direction[z]`.
+    pub(super) reciprocal_z: f64,
 }
 
 /// Where the ray meets the triangle's plane, as weights of the corners.
@@ -108,7 +109,7 @@ impl TriangleRay {
             origin,
             axes: [x, y, z],
             shear: [direction[x] / d, direction[y] / d],
-            direction_z: d,
+            reciprocal_z: 1.0 / f64::from(d),
         }
     }
 
@@ -182,9 +183,10 @@ impl TriangleRay {
         if det == 0.0 || !det.is_finite() {
             return None;
         }
-        let (v, w) = (v / det, w / det);
+        let share = 1.0 / det;
+        let (v, w) = (v * share, w * share);
         let z = a[2] + (v * (b[2] - a[2]) + w * (c[2] - a[2]));
-        let t = (z / f64::from(self.direction_z)) as f32;
+        let t = (z * self.reciprocal_z) as f32;
         Some(Meeting { t, u: v as f32, v: w as f32 })
     }
 }

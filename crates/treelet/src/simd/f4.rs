@@ -6,8 +6,6 @@
 //! Arrays everywhere, left to the compiler's own vectorisation, lost on x86-64: it clamps by
 //! branches and shuffles parts of vectors.
 
-#![allow(unsafe_code, reason = "the wall: vendor intrinsics")]
-
 #[cfg(not(target_arch = "x86_64"))]
 pub(crate) use portable::F4;
 #[cfg(target_arch = "x86_64")]
