@@ -44,14 +44,15 @@ pub(crate) fn hit<S: Simd, const N: usize>(
     let count = (count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
     let row = |corner: usize, axis: usize| {
-        let start = (3 * corner + axis % 4) * count;
-        let lanes = rows[start..start + LANES].first_chunk();
+        let start = (3 * corner + axis) * count;
+        let lanes = rows.get(start..start + LANES).and_then(<[f32]>::first_chunk);
         S::F4::load(simd, lanes.unwrap_or(&[0.0; LANES]))
     };
 
     // Move to the origin and shear.
     let [x, y, z] = ray.axes;
-    let origin = [splat(ray.origin[x % 3]), splat(ray.origin[y % 3]), splat(ray.origin[z % 3])];
+    let [x, y, z] = [usize::from(x & 3), usize::from(y & 3), usize::from(z & 3)];
+    let origin = [splat(ray.origin[0]), splat(ray.origin[1]), splat(ray.origin[2])];
     let shear = [splat(ray.shear[0]), splat(ray.shear[1])];
     let sheared = |corner: usize| {
         let depth = row(corner, z).sub(origin[2]);

@@ -5,7 +5,7 @@ mod pages;
 mod stack;
 
 pub(crate) use pages::{Pages, Zeroed};
-pub(crate) use stack::Stack;
+pub(crate) use stack::{Room, Stack};
 
 use alloc::sync::Arc;
 use alloc::vec::Vec;

@@ -6,30 +6,47 @@
 use alloc::vec::Vec;
 use core::mem::MaybeUninit;
 
-/// Last in, first out. Never full: when the near part is, its older half moves to the heap.
-pub(crate) struct Stack<T, const N: usize> {
-    /// The newest entries; the first `len` are initialised.
+/// Where a stack keeps its entries.
+pub(crate) struct Room<T, const N: usize> {
+    /// The newest entries.
     near: [MaybeUninit<T>; N],
-    len: usize,
     /// The oldest entries.
     far: Vec<T>,
 }
 
-impl<T: Copy, const N: usize> Stack<T, N> {
-    /// An empty stack.
+impl<T, const N: usize> Room<T, N> {
+    /// For an empty stack.
     #[inline(always)]
     pub(crate) fn new() -> Self {
+        Self { near: [const { MaybeUninit::uninit() }; N], far: Vec::new() }
+    }
+}
+
+/// Last in, first out. Never full: when the near part is, its older half moves to the heap.
+///
+/// The entries are borrowed, not owned, so that the number of them can stay in a register although
+/// the room is known to functions that are not inlined.
+pub(crate) struct Stack<'a, T, const N: usize> {
+    room: &'a mut Room<T, N>,
+    /// The first `len` near entries are initialised.
+    len: usize,
+}
+
+impl<'a, T: Copy, const N: usize> Stack<'a, T, N> {
+    /// An empty stack.
+    #[inline(always)]
+    pub(crate) fn new(room: &'a mut Room<T, N>) -> Self {
         const { assert!(N >= 2) }
-        Self { near: [const { MaybeUninit::uninit() }; N], len: 0, far: Vec::new() }
+        Self { room, len: 0 }
     }
 
     /// Puts `item` on top.
     #[inline(always)]
     pub(crate) fn push(&mut self, item: T) {
         if self.len >= N {
-            self.spill(N / 2);
+            self.len = spill(self.room, self.len);
         }
-        self.near[self.len] = MaybeUninit::new(item);
+        self.room.near[self.len % N] = MaybeUninit::new(item);
         self.len += 1;
     }
 
@@ -40,11 +57,13 @@ impl<T: Copy, const N: usize> Stack<T, N> {
         const { assert!(2 * W <= N) }
         debug_assert!(count <= W);
         if self.len > N - W {
-            self.spill(N / 2);
+            self.len = spill(self.room, self.len);
         }
         // SAFETY: `len <= N - W`, now if not before (`spill` leaves at most half, and 2 W <= N), so
         // `W` entries from `len` on are inside `near`; any bits may be written there.
-        unsafe { self.near.as_mut_ptr().add(self.len).cast::<[T; W]>().write_unaligned(items) };
+        unsafe {
+            self.room.near.as_mut_ptr().add(self.len).cast::<[T; W]>().write_unaligned(items);
+        }
         self.len += if count < W { count } else { W };
     }
 
@@ -52,36 +71,36 @@ impl<T: Copy, const N: usize> Stack<T, N> {
     #[inline(always)]
     pub(crate) fn pop(&mut self) -> Option<T> {
         if self.len == 0 {
-            return self.far.pop();
+            return self.room.far.pop();
         }
         self.len -= 1;
-        let item = self.near.get(self.len)?;
-        // SAFETY: entries below the old `len` are initialised.
-        Some(unsafe { item.assume_init() })
+        // SAFETY: entries below the old `len` are initialised, and `len <= N`.
+        Some(unsafe { self.room.near.get_unchecked(self.len).assume_init() })
     }
+}
 
-    /// Moves all but the newest `keep` entries to the heap.
-    #[cold]
-    #[inline(never)]
-    fn spill(&mut self, keep: usize) {
-        let old = self.len.saturating_sub(keep);
-        for item in &self.near[..old] {
-            // SAFETY: `old <= len`, and entries below `len` are initialised.
-            self.far.push(unsafe { item.assume_init() });
-        }
-        self.near.copy_within(old..self.len, 0);
-        self.len -= old;
+/// Moves the older half of `len` near entries to the heap; returns how many stay.
+#[cold]
+#[inline(never)]
+fn spill<T: Copy, const N: usize>(room: &mut Room<T, N>, len: usize) -> usize {
+    let old = len - len / 2;
+    for item in &room.near[..old] {
+        // SAFETY: only `Stack` calls this, and its first `len` entries are initialised.
+        room.far.push(unsafe { item.assume_init() });
     }
+    room.near.copy_within(old..len, 0);
+    len - old
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Stack;
+    use super::{Room, Stack};
     use alloc::vec::Vec;
 
     #[test]
     fn last_in_first_out_beyond_the_near_part() {
-        let mut stack = Stack::<u32, 8>::new();
+        let mut room = Room::<u32, 8>::new();
+        let mut stack = Stack::new(&mut room);
         let mut model = Vec::new();
         let mut state = 1_u32;
         for round in 0..10_000_u32 {

@@ -128,6 +128,7 @@ impl Structure {
         (self.unmasked && mask != 0) || self.sees_geometry(id, mask)
     }
 
+    #[cold]
     #[inline(never)]
     fn sees_geometry(&self, id: u32, mask: u32) -> bool {
         let (geom, _) = self.name(id);

@@ -17,7 +17,7 @@ use crate::bounds::{Interval, SlabRay};
 use crate::geometry::block;
 use crate::layout::wide::{Child, ChildKind, Node, Wide as WideTree};
 use crate::math::Ray;
-use crate::memory::Stack;
+use crate::memory::{Room, Stack};
 use crate::simd::{Floats, Wide};
 use core::ops::ControlFlow;
 
@@ -148,8 +148,10 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut lanes = Lanes::new(simd, &frame.ray.slab);
     let t_min = S::F::splat(simd, ray.t_min);
-    let mut frames = Stack::<Frame<'_, W>, FRAMES_NEAR>::new();
-    let mut stack = Stack::<Pending, STACK_NEAR>::new();
+    let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
+    let mut frames = Stack::new(&mut frames);
+    let mut stack = Room::<Pending, STACK_NEAR>::new();
+    let mut stack = Stack::new(&mut stack);
     let mut next = wide.root;
     loop {
         // Go down to a leaf.
@@ -232,7 +234,7 @@ fn nearest_first<S: Wide<W>, const W: usize>(
     node: &Node<W>,
     mask: u32,
     entry: S::F,
-    stack: &mut Stack<Pending, STACK_NEAR>,
+    stack: &mut Stack<'_, Pending, STACK_NEAR>,
 ) -> Option<Child> {
     if mask == 0 {
         return None;
@@ -305,7 +307,7 @@ fn largest_first<S: Wide<W>, const W: usize>(
     simd: S,
     node: &Node<W>,
     mask: u32,
-    stack: &mut Stack<Pending, STACK_NEAR>,
+    stack: &mut Stack<'_, Pending, STACK_NEAR>,
 ) -> Option<Child> {
     if mask == 0 {
         return None;
@@ -325,7 +327,7 @@ fn largest_first<S: Wide<W>, const W: usize>(
 #[inline(always)]
 fn pop<'a, V: Visitor<'a>, C: Count>(
     visitor: &V,
-    stack: &mut Stack<Pending, STACK_NEAR>,
+    stack: &mut Stack<'_, Pending, STACK_NEAR>,
     counters: &mut C,
 ) -> Option<Child> {
     loop {
@@ -354,6 +356,7 @@ fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, co
 }
 
 /// Puts the instances of a leaf on the stack: each is entered when it is popped.
+#[cold]
 #[inline(never)]
 fn push_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
     frame: &Frame<'a, W>,
@@ -361,7 +364,7 @@ fn push_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
     count: usize,
     ray: &Ray,
     visitor: &V,
-    stack: &mut Stack<Pending, STACK_NEAR>,
+    stack: &mut Stack<'_, Pending, STACK_NEAR>,
     counters: &mut C,
 ) {
     let structure = frame.structure;
@@ -383,6 +386,7 @@ fn push_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
 }
 
 /// The level inside an instance, if the ray has business there.
+#[cold]
 #[inline(never)]
 fn enter<'a, V: Visitor<'a>, const W: usize>(
     frame: &Frame<'a, W>,
