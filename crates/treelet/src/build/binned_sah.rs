@@ -71,12 +71,13 @@ impl Builder for BinnedSah {
             tasks.push((refs, prims, group.depth));
         }
         let subtrees = parallel::map(tasks, |(refs, prims, depth)| {
-            let nodes = Growth::new(self, refs, &stage).grow(depth)?;
-            prims.iter_mut().zip(&*refs).for_each(|(prim, item)| *prim = item.prim());
-            stage.advance(refs.len() as u64);
+            let count = refs.len() as u64;
+            let mut other = memory::try_filled(Ref::none(), refs.len(), "primitive references")?;
+            let nodes = Growth::new(self, [refs, &mut other], prims, &stage).grow(depth)?;
+            stage.advance(count);
             Ok(nodes)
         });
-        let subtrees = subtrees.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
+        let subtrees = subtrees.into_iter().collect::<Result<Vec<_>, BuildError>>()?;
         drop(refs);
         Ok(Tree { nodes: join(&top, subtrees)?, prims })
     }
@@ -104,21 +105,23 @@ fn join(top: &Top, subtrees: Vec<Vec<Node>>) -> Result<Vec<Node>, BuildError> {
     Ok(nodes)
 }
 
-/// Ranges larger than this are cut where a sample of this many says.
+/// Ranges larger than this are cut where a sample of about this many says.
 const SAMPLE_MAX: usize = 2048;
-/// Partitions work on this many references at a time.
-const CHUNK: usize = 2048;
+/// Partitions are interrupted at most this many references apart.
+const CHECK_EVERY: usize = 16_384;
 
 /// A subtree being grown over some references.
+///
+/// A partition moves a range from one of two arrays to the same place in the other: one load and
+/// one store a reference. In place, through a buffer for one side, took twice the instructions.
 struct Growth<'a> {
     options: &'a BinnedSah,
     block: u32,
-    refs: &'a mut [Ref],
+    refs: [&'a mut [Ref]; 2],
+    prims: &'a mut [u32],
     stage: &'a Stage<'a>,
     nodes: Vec<Node>,
     bins: Box<Bins>,
-    /// The right side of a chunk that is being partitioned.
-    spare: Vec<Ref>,
     /// Nodes whose box is known only when their children's are.
     late: Vec<usize>,
 }
@@ -130,18 +133,32 @@ struct Open {
     begin: usize,
     end: usize,
     depth: u32,
+    /// Which array the range is in.
+    side: usize,
+}
+
+/// Where a range is cut, and which array its parts are in.
+struct Parts {
+    middle: usize,
+    side: usize,
 }
 
 impl<'a> Growth<'a> {
-    fn new(options: &'a BinnedSah, refs: &'a mut [Ref], stage: &'a Stage<'a>) -> Self {
+    /// Grows over the first array; the second one is as long, and anything.
+    fn new(
+        options: &'a BinnedSah,
+        refs: [&'a mut [Ref]; 2],
+        prims: &'a mut [u32],
+        stage: &'a Stage<'a>,
+    ) -> Self {
         Self {
             options,
             block: options.block.next_power_of_two(),
-            nodes: Vec::with_capacity(refs.len()),
+            nodes: Vec::with_capacity(refs[0].len()),
             bins: Bins::new(),
-            spare: alloc::vec![Ref::none(); CHUNK.min(refs.len())],
             late: Vec::new(),
             refs,
+            prims,
             stage,
         }
     }
@@ -149,61 +166,65 @@ impl<'a> Growth<'a> {
     /// The nodes of a subtree whose root is at that depth; its root is node 0, its ranges start
     /// at 0.
     fn grow(mut self, depth: u32) -> Result<Vec<Node>, Cancelled> {
-        let root = Open { node: 0, begin: 0, end: self.refs.len(), depth };
+        let root = Open { node: 0, begin: 0, end: self.prims.len(), depth, side: 0 };
         self.nodes.push(Node::inner(Aabb::EMPTY, 0));
         let mut open = alloc::vec![root];
         while let Some(range) = open.pop() {
             self.stage.check()?;
-            let (bounds, middle) = self.decide(&range)?;
+            let (bounds, parts) = self.decide(&range)?;
             let bounds = bounds.to_aabb();
-            let Some(middle) = middle else {
+            let Some(Parts { middle, side }) = parts else {
                 self.nodes[range.node] = Node::leaf(bounds, range.begin, range.end - range.begin);
+                let items = &self.refs[range.side][range.begin..range.end];
+                let prims = &mut self.prims[range.begin..range.end];
+                prims.iter_mut().zip(items).for_each(|(prim, item)| *prim = item.prim());
                 continue;
             };
             let left = self.nodes.len();
             self.nodes[range.node] = Node::inner(bounds, left);
             self.nodes.extend([Node::inner(Aabb::EMPTY, 0); 2]);
             let depth = range.depth + 1;
-            open.push(Open { node: left + 1, begin: middle, end: range.end, depth });
-            open.push(Open { node: left, begin: range.begin, end: middle, depth });
+            open.push(Open { node: left + 1, begin: middle, end: range.end, depth, side });
+            open.push(Open { node: left, begin: range.begin, end: middle, depth, side });
         }
         for &at in self.late.iter().rev() {
             if let Kind::Inner { left } = self.nodes[at].kind() {
-                self.nodes[at].bounds =
-                    self.nodes[left].bounds.union(&self.nodes[left + 1].bounds);
+                self.nodes[at].bounds = self.nodes[left].bounds.union(&self.nodes[left + 1].bounds);
             }
         }
         Ok(self.nodes)
     }
 
     /// The box of a range and where it is cut, if it is not to be a leaf.
-    fn decide(&mut self, range: &Open) -> Result<(Box4, Option<usize>), Cancelled> {
+    fn decide(&mut self, range: &Open) -> Result<(Box4, Option<Parts>), Cancelled> {
         let count = range.end - range.begin;
         // A halved range of `count` still needs this many levels below this one.
         let levels = usize::BITS - (count - 1).leading_zeros();
         let may_choose = range.depth + levels + 1 < DEPTH_MAX;
+        let halves = Parts { middle: range.begin + count / 2, side: range.side };
         if count > SAMPLE_MAX {
             self.late.push(range.node);
-            let half = range.begin + count / 2;
-            let middle = if may_choose { self.cut_by_sample(range)? } else { None };
-            return Ok((Box4::empty(), Some(middle.unwrap_or(half))));
+            let parts = if may_choose { self.cut_by_sample(range)? } else { None };
+            return Ok((Box4::empty(), Some(parts.unwrap_or(halves))));
         }
-        let extent = extent_of(&self.refs[range.begin..range.end]);
-        let middle = if count > 1 && may_choose { self.cut(range, &extent) } else { None };
+        let extent = extent_of(&self.refs[range.side][range.begin..range.end]);
+        let parts = if count > 1 && may_choose { self.cut(range, &extent) } else { None };
         let full = count > self.options.leaf_max as usize;
-        Ok((extent.bounds, middle.or(full.then_some(range.begin + count / 2))))
+        Ok((extent.bounds, parts.or(full.then_some(halves))))
     }
 
     /// Cuts a small range at its cheapest plane.
-    fn cut(&mut self, range: &Open, extent: &Extent4) -> Option<usize> {
-        let refs = &mut self.refs[range.begin..range.end];
-        let (count, block) = (refs.len(), self.block as usize);
+    fn cut(&mut self, range: &Open, extent: &Extent4) -> Option<Parts> {
+        let [a, b] = &mut self.refs;
+        let (from, to) = if range.side == 0 { (&**a, &mut **b) } else { (&**b, &mut **a) };
+        let (from, to) = (&from[range.begin..range.end], &mut to[range.begin..range.end]);
+        let (count, block) = (from.len(), self.block as usize);
         let may_stay = count <= self.options.leaf_max as usize;
         if may_stay && count <= block {
             return None;
         }
         let grid = Grid::new(extent.centers, bins_for(count, self.options.bins as usize));
-        self.bins.fill(&grid, refs.iter());
+        self.bins.fill(&grid, from.iter());
         let unit = unit(extent.bounds);
         let plane = self.bins.cheapest(grid.bins, unit, self.block)?;
         if may_stay {
@@ -213,76 +234,57 @@ impl<'a> Growth<'a> {
                 return None;
             }
         }
-        let middle = partition(refs, &mut self.spare, &grid, &plane);
-        Some(range.begin + middle)
+        let left = partition(from, to, &grid, &plane);
+        Some(Parts { middle: range.begin + left, side: 1 - range.side })
     }
 
     /// Cuts a large range at the plane that is cheapest for a sample of it.
-    fn cut_by_sample(&mut self, range: &Open) -> Result<Option<usize>, Cancelled> {
-        let refs = &mut self.refs[range.begin..range.end];
-        let stride = refs.len().div_ceil(SAMPLE_MAX);
-        let extent = Extent4::of(refs.iter().step_by(stride));
+    fn cut_by_sample(&mut self, range: &Open) -> Result<Option<Parts>, Cancelled> {
+        let [a, b] = &mut self.refs;
+        let (from, to) = if range.side == 0 { (&**a, &mut **b) } else { (&**b, &mut **a) };
+        let (from, to) = (&from[range.begin..range.end], &mut to[range.begin..range.end]);
+        let stride = from.len().div_ceil(SAMPLE_MAX);
+        let extent = Extent4::of(from.iter().step_by(stride));
         let grid = Grid::new(extent.centers, self.options.bins as usize);
-        self.bins.fill(&grid, refs.iter().step_by(stride));
+        self.bins.fill(&grid, from.iter().step_by(stride));
         let Some(plane) = self.bins.cheapest(grid.bins, unit(extent.bounds), 1) else {
             return Ok(None);
         };
-        let mut lefts = Vec::with_capacity(refs.len() / CHUNK + 1);
-        for chunk in refs.chunks_mut(CHUNK) {
+        // What is not yet placed lies between what went left and what went right.
+        let (mut left, mut end) = (0, to.len());
+        for chunk in from.chunks(CHECK_EVERY) {
             self.stage.check()?;
-            lefts.push(partition(chunk, &mut self.spare, &grid, &plane));
+            let free = &mut to[left..end];
+            let room = free.len();
+            let more = partition(chunk, free, &grid, &plane);
+            left += more;
+            end = left + room - chunk.len();
         }
-        let middle = regroup(refs, &lefts);
-        Ok((0 < middle && middle < refs.len()).then_some(range.begin + middle))
+        let parts = Parts { middle: range.begin + left, side: 1 - range.side };
+        Ok((0 < left && left < from.len()).then_some(parts))
     }
+}
+
+/// Moves a chunk to the two ends of an array at least as long, what goes left to its front in order,
+/// the rest to its back in reverse; returns how many went left. No branch depends on where a
+/// reference goes.
+#[inline(always)]
+fn partition(from: &[Ref], to: &mut [Ref], grid: &Grid, plane: &Plane) -> usize {
+    let last = to.len().wrapping_sub(1);
+    let mut left = 0_usize;
+    for (at, item) in from.iter().enumerate() {
+        let goes = grid.is_below(item, plane);
+        // Left: the next place from the front; right: the next one from the back.
+        let back = last.wrapping_sub(at) & goes.wrapping_sub(1);
+        to[left.wrapping_add(back)] = *item;
+        left += goes;
+    }
+    left
 }
 
 /// How many bins an axis to try for so many primitives.
 fn bins_for(count: usize, most: usize) -> usize {
     (4 + count / 4).min(most)
-}
-
-/// Moves what goes left to the front of a chunk, keeping the order on both sides. No branch depends
-/// on where a reference goes.
-#[inline(never)]
-fn partition(refs: &mut [Ref], spare: &mut [Ref], grid: &Grid, plane: &Plane) -> usize {
-    let spare = &mut spare[..refs.len().min(CHUNK)];
-    let (mut left, mut right) = (0, 0);
-    for at in 0..refs.len() {
-        let item = refs[at];
-        let goes = grid.is_below(&item, plane);
-        refs[left] = item;
-        spare[right] = item;
-        left += goes;
-        right += 1 - goes;
-    }
-    refs[left..].copy_from_slice(&spare[..right]);
-    left
-}
-
-/// Swaps what is on the wrong side, when each chunk is partitioned by itself with that many to its
-/// left.
-fn regroup(refs: &mut [Ref], lefts: &[usize]) -> usize {
-    let middle = lefts.iter().sum();
-    let count = refs.len();
-    let (head, tail) = refs.split_at_mut(middle);
-    // Runs that belong right but lie before the middle, and runs that belong left and lie after.
-    let runs = |chunk: usize| {
-        let (begin, end) = (chunk * CHUNK, count.min((chunk + 1) * CHUNK));
-        let cut = begin + lefts[chunk];
-        (cut..end.min(middle), begin.max(middle)..cut)
-    };
-    let mut wrong = (0..lefts.len()).map(|chunk| runs(chunk).0).filter(|run| !run.is_empty());
-    let mut there = (0..lefts.len()).map(|chunk| runs(chunk).1).filter(|run| !run.is_empty());
-    let (mut a, mut b) = (wrong.next(), there.next());
-    while let (Some(right), Some(left)) = (a.clone(), b.clone()) {
-        let most = right.len().min(left.len());
-        let (from, to) = (right.start, left.start - middle);
-        head[from..from + most].swap_with_slice(&mut tail[to..to + most]);
-        a = if most < right.len() { Some(from + most..right.end) } else { wrong.next() };
-        b = if most < left.len() { Some(left.start + most..left.end) } else { there.next() };
-    }
-    middle
 }
 
 #[cfg(test)]
