@@ -4,7 +4,22 @@
 //! on Interactive Ray Tracing, 2007. Differs from it: every axis is tried, not only the widest one;
 //! small ranges get fewer bins; large ranges are cut where a sample of them says (`groups`).
 //!
-//! O(n log n) time, in place: 32 bytes a primitive and the nodes, twice while they are put together.
+//! O(n log n) time; 64 bytes a primitive for the references, half of them only while its group is
+//! being finished, and the nodes twice while they are put together. On one core of a 2024 server,
+//! 0.13 to 0.16 us a triangle, in 1400 instructions: 40 % fill bins, 20 % price them, 25 % move
+//! references.
+//!
+//! Where leaves are tested in blocks, a leaf of four costs what a leaf of one costs, and trees are
+//! built for that price (`block`): by it they are 0.3 to 11 % cheaper than trees built for the price
+//! of single tests, have half the nodes, and wide trees made of them were traced 0.97 to 1.07 times
+//! as fast.
+//!
+//! Tried and lost, on a kitchen of 1.4 M triangles and a car of 0.8 M, prices by blocks:
+//! - 16 bins instead of 32: 2 % dearer trees, 0.4 % fewer instructions;
+//! - fewer bins for small ranges (`4 + n / 8`): 0.5 % dearer, 4 % fewer instructions; more (`4 + n / 2`):
+//!   the same trees, 5 % more instructions;
+//! - samples of 1024 of a large range: up to 3 % dearer; of 4096: the same, 3 % slower;
+//! - partitions in place through a buffer for one side: as fast, 7 % more instructions and 60 lines.
 
 use super::bins::{BINS_MAX, Bins, Grid, Plane, extent_of, unit};
 use super::groups::{self, Top};
