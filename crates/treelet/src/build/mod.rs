@@ -3,6 +3,9 @@
 //! A builder sees boxes, never triangles. Whatever it does, answers to rays do not change: only
 //! their price does. Named builders give the same tree for any number of threads.
 
+mod bins;
+mod groups;
+mod lanes;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod top_down;

@@ -3,6 +3,7 @@
 mod assemble;
 mod builder;
 mod error;
+mod gather;
 mod place;
 mod report;
 mod slices;

@@ -18,6 +18,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+pub(crate) mod f4;
 mod level;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
