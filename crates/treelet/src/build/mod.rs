@@ -3,6 +3,7 @@
 //! A builder sees boxes, never triangles. Whatever it does, answers to rays do not change: only
 //! their price does. Named builders give the same tree for any number of threads.
 
+mod bottom_up;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod top_down;
@@ -77,6 +78,7 @@ catalogue! {
     object_median::ObjectMedian,
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
+    lbvh::Lbvh,
 }
 
 /// The builder of that name, with its default options.
