@@ -4,6 +4,8 @@
 //! their price does. Named builders give the same tree for any number of threads.
 
 mod bottom_up;
+mod curve_leaves;
+mod curve_order;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod top_down;

@@ -12,10 +12,10 @@
 use crate::bounds::Aabb;
 use alloc::boxed::Box;
 
-/// Bits of the first word: with a number below `2^31` they fill 64.
-pub const COARSE_BITS: u32 = 33;
-/// Bits of the second word.
-pub const FINE_BITS: u32 = 30;
+/// Most bits of the first word of a code.
+pub const COARSE_BITS_MAX: u32 = 3 * AXIS_COARSE_BITS;
+/// Bits of a code.
+pub const CODE_BITS: u32 = 63;
 
 /// Cells along an axis are numbered by this many bits: what adding to an f32 can round to.
 const AXIS_BITS: u32 = 23;
@@ -35,14 +35,18 @@ const BYTE: usize = 256;
 pub struct Curve {
     origin: [f32; 3],
     scale: [f32; 3],
+    /// Bits of the second word.
+    fine_bits: u32,
     /// `[axis][byte of the cell's number, the uppermost first][its value]`.
     coarse: Box<[[[u64; BYTE]; 2]; 3]>,
     fine: Box<[[[u64; BYTE]; 3]; 3]>,
 }
 
 impl Curve {
-    /// The curve through a box, empty or of any size.
-    pub fn new(bounds: &Aabb) -> Self {
+    /// The curve through a box, empty or of any size, with codes whose first word has `coarse_bits`
+    /// of all [`CODE_BITS`], at most [`COARSE_BITS_MAX`].
+    pub fn new(bounds: &Aabb, coarse_bits: u32) -> Self {
+        debug_assert!(coarse_bits <= COARSE_BITS_MAX);
         let extent: [f64; 3] = core::array::from_fn(|axis| {
             (f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis])).max(0.0)
         });
@@ -54,6 +58,7 @@ impl Curve {
         let mut curve = Self {
             origin: bounds.lo,
             scale,
+            fine_bits: CODE_BITS - coarse_bits,
             coarse: Box::new([[[0; BYTE]; 2]; 3]),
             fine: Box::new([[[0; BYTE]; 3]; 3]),
         };
@@ -64,8 +69,8 @@ impl Curve {
     /// Deals the bits of the code to the axes, from the top: the longest edge of a cell is halved.
     fn deal(&mut self, mut edges: [f64; 3]) {
         let mut used = [0; 3];
-        for place in (0..COARSE_BITS + FINE_BITS).rev() {
-            let most = if place >= FINE_BITS { AXIS_COARSE_BITS } else { AXIS_BITS };
+        for place in (0..CODE_BITS).rev() {
+            let most = if place >= self.fine_bits { AXIS_COARSE_BITS } else { AXIS_BITS };
             let mut axis = None;
             for candidate in 0..3 {
                 let longer = axis.is_none_or(|axis: usize| edges[candidate] > edges[axis]);
@@ -78,8 +83,8 @@ impl Curve {
             used[axis] += 1;
             edges[axis] *= 0.5;
             let bit = AXIS_BITS - used[axis];
-            if place >= FINE_BITS {
-                mark(&mut self.coarse[axis], bit, place - FINE_BITS);
+            if place >= self.fine_bits {
+                mark(&mut self.coarse[axis], bit, place - self.fine_bits);
             } else {
                 mark(&mut self.fine[axis], bit, place);
             }
@@ -98,7 +103,7 @@ impl Curve {
         [along(0), along(1), along(2)]
     }
 
-    /// The first [`COARSE_BITS`] of a cell's code.
+    /// The first word of a cell's code.
     #[inline(always)]
     pub fn coarse(&self, cell: [u32; 3]) -> u64 {
         let along = |axis: usize| {
@@ -108,7 +113,7 @@ impl Curve {
         along(0) | along(1) | along(2)
     }
 
-    /// The next [`FINE_BITS`] of a cell's code.
+    /// The second word of a cell's code.
     #[inline]
     pub fn fine(&self, cell: [u32; 3]) -> u64 {
         let along = |axis: usize| {
@@ -143,7 +148,7 @@ mod tests {
 
     fn code(curve: &Curve, point: [f32; 3]) -> u64 {
         let cell = curve.cell(point);
-        curve.coarse(cell) << FINE_BITS | curve.fine(cell)
+        curve.coarse(cell) << curve.fine_bits | curve.fine(cell)
     }
 
     /// The code bit by bit: halve the longest edge of the cell, say on which side the point lies.
@@ -179,7 +184,7 @@ mod tests {
             [0.0; 3],
         ];
         for extent in extents {
-            let curve = Curve::new(&Aabb { lo: [0.0; 3], hi: extent });
+            let curve = Curve::new(&Aabb { lo: [0.0; 3], hi: extent }, 33);
             for _ in 0..300 {
                 let point = extent.map(|e| e * random());
                 let expected = naive(extent.map(f64::from), curve.cell(point));
@@ -191,7 +196,7 @@ mod tests {
     #[test]
     fn corners_are_first_and_last() {
         let bounds = Aabb { lo: [-3.0, 10.0, 0.5], hi: [5.0, 18.0, 8.5] };
-        let curve = Curve::new(&bounds);
+        let curve = Curve::new(&bounds, 40);
         assert_eq!(code(&curve, bounds.lo), 0);
         assert_eq!(code(&curve, bounds.hi), (1 << 63) - 1);
     }
@@ -204,7 +209,7 @@ mod tests {
             Aabb { lo: [0.0; 3], hi: [f32::from_bits(1); 3] },
         ];
         for bounds in boxes {
-            let curve = Curve::new(&bounds);
+            let curve = Curve::new(&bounds, 40);
             for x in [0.0, f32::MAX, f32::MIN, f32::from_bits(1), f32::NAN] {
                 assert!(curve.cell([x; 3]).iter().all(|&cell| cell < 1 << 23), "{x} in {bounds:?}");
             }
