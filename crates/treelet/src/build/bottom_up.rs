@@ -15,6 +15,7 @@ use crate::context::{Cancelled, Context, Stage, parallel};
 use crate::memory;
 use crate::tree::{Node, PRIMS_MAX, Tree};
 use alloc::vec::Vec;
+use core::ops::Range;
 use core::sync::atomic::AtomicU64;
 
 /// A subtree whose root has no place yet.
@@ -140,58 +141,51 @@ struct Leaves<'a> {
     piece: &'a Piece,
 }
 
-/// Leaves are boxed this many at a time, so that the loads of a block overlap.
-const BLOCK: usize = 32;
+/// Boxes are loaded this many at a time: nothing but loads, so that as many as can be are on their
+/// way at once.
+const BLOCK: usize = 128;
+const _: () = assert!(BLOCK >= super::LEAF_MAX as usize);
 
 impl Leaves<'_> {
     /// Shows each leaf and the level at which it parts from the next.
     #[inline(always)]
     fn each(&self, marks: &mut [AtomicU64], mut show: impl FnMut(Cluster, u8)) {
-        let unwritten = Cluster { root: Node::leaf(Aabb::EMPTY, 0, 1), height: 0 };
-        let mut block = [(unwritten, 0); BLOCK];
-        let mut rest = marks;
-        while !rest.is_empty() {
-            let leaves = rest.len().min(BLOCK);
-            let (now, later) = rest.split_at_mut(leaves);
-            let end = later.first_mut().map_or(self.piece.prims.len(), |mark| {
-                Mark::unpack(*mark.get_mut()).first as usize
+        let begin = self.piece.prims.start;
+        let mut boxes = [Aabb::EMPTY; BLOCK];
+        let mut loaded = 0..0;
+        for leaf in 0..marks.len() {
+            let Mark { first, level } = Mark::unpack(*marks[leaf].get_mut());
+            let next = marks.get_mut(leaf + 1);
+            let end = next.map_or(self.piece.prims.end, |next| {
+                begin + Mark::unpack(*next.get_mut()).first as usize
             });
-            self.load(now, end, &mut block);
-            for (leaf, level) in &block[..leaves] {
-                show(*leaf, *level);
+            let first = begin + first as usize;
+            if end > loaded.end {
+                loaded = first..self.piece.prims.end.min(first + BLOCK);
+                self.load(loaded.clone(), &mut boxes);
             }
-            rest = later;
+            let bounds = around(&boxes[first - loaded.start..end - loaded.start]);
+            show(Cluster { root: Node::leaf(bounds, first, end - first), height: 0 }, level);
         }
     }
 
-    /// Boxes a few leaves, the last of which ends at `end`.
     #[inline(never)]
-    fn load(&self, marks: &mut [AtomicU64], end: usize, out: &mut [(Cluster, u8); BLOCK]) {
-        let mut end = end;
-        for (mark, out) in marks.iter_mut().zip(out).rev() {
-            let Mark { first, level } = Mark::unpack(*mark.get_mut());
-            let first = first as usize;
-            let begin = self.piece.prims.start;
-            let root =
-                Node::leaf(self.around(begin + first, begin + end), begin + first, end - first);
-            *out = (Cluster { root, height: 0 }, level);
-            end = first;
+    fn load(&self, range: Range<usize>, boxes: &mut [Aabb; BLOCK]) {
+        for (prim, out) in self.prims[range].iter().zip(boxes) {
+            *out = self.bounds[*prim as usize];
         }
     }
+}
 
-    /// The box of a range that is not empty, four at a time: a box counted twice changes nothing,
-    /// and no branch depends on the length of a leaf of up to four.
-    #[inline(always)]
-    fn around(&self, first: usize, end: usize) -> Aabb {
-        let mut around = Aabb::EMPTY;
-        let mut at = first;
-        while at < end {
-            for step in 0..4 {
-                let prim = self.prims[(at + step).min(end - 1)];
-                around = around.union(&self.bounds[prim as usize]);
-            }
-            at += 4;
+/// The box of boxes, at least one of them. Four at a time: a box counted twice changes nothing, and
+/// no branch depends on the length of a leaf of up to four.
+#[inline(always)]
+fn around(boxes: &[Aabb]) -> Aabb {
+    let mut around = Aabb::EMPTY;
+    for at in (0..boxes.len()).step_by(4) {
+        for step in 0..4 {
+            around = around.union(&boxes[(at + step).min(boxes.len() - 1)]);
         }
-        around
     }
+    around
 }
