@@ -81,6 +81,7 @@ catalogue! {
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
     lbvh::Lbvh,
+    hploc::Hploc,
 }
 
 /// The builder of that name, with its default options.

@@ -1,0 +1,279 @@
+//! H-PLOC: neighbours on the Morton curve are joined with whom they share the smallest box, range by
+//! range of the curve's own hierarchy. treelet's fast builder.
+//!
+//! Sources: C. Benthin, D. Meister, J. Barczak, R. Mehalwal, J. Tsakok and A. Kensler, "H-PLOC:
+//! Hierarchical Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction",
+//! Proceedings of the ACM on Computer Graphics and Interactive Techniques 7(3), 2024; D. Meister and
+//! J. Bittner, "Parallel Locally-Ordered Clustering for Bounding Volume Hierarchy Construction",
+//! IEEE TVCG 24(3), 2018. Differs from them: it starts from leaves that the curve cut, not from
+//! primitives; ranges are visited depth first on one stack, so that their lists of clusters are
+//! neighbours in memory and nothing is copied; ties are settled by a rule that is the same from both
+//! sides of a pair.
+//!
+//! O(n) time. A tree too deep (ever larger boxes side by side) is given up for that of `lbvh`.
+
+use super::bottom_up::{self, Below, Cluster, Join};
+use super::lbvh::Lbvh;
+use super::{BuildError, Builder, Info, check_leaf_max};
+use crate::bounds::Aabb;
+use crate::context::Context;
+use crate::tree::{DEPTH_MAX, Tree};
+use alloc::vec::Vec;
+
+/// Joins neighbours on the Morton curve by the area of their common box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hploc {
+    /// Most primitives in a leaf, in `1..=64`. Ranges of the curve up to this size are leaves.
+    pub leaf_max: u32,
+}
+
+impl Hploc {
+    /// Leaves of up to four.
+    pub const DEFAULT: Self = Self { leaf_max: 4 };
+}
+
+impl Builder for Hploc {
+    fn info(&self) -> Info {
+        Info {
+            name: "hploc",
+            summary: "joins neighbours on the Morton curve by the area of their common box",
+            source: "Benthin et al. 2024; Meister and Bittner 2018",
+        }
+    }
+
+    fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
+        check_leaf_max(self.leaf_max)?;
+        let (tree, depth) = bottom_up::build(self, self.leaf_max, bounds, context)?;
+        if depth > DEPTH_MAX {
+            return Lbvh { leaf_max: self.leaf_max }.build(bounds, context);
+        }
+        Ok(tree)
+    }
+}
+
+/// A range of the curve is handed upward with at most this many clusters.
+const HANDED_MAX: usize = 16;
+/// Most clusters that are joined at once: two lists.
+const JOINED_MAX: usize = 2 * HANDED_MAX;
+/// How many neighbours on each side a cluster looks at.
+const RADIUS: usize = 8;
+/// How many clusters a piece hands to the top of the tree.
+const KEPT: usize = 8;
+
+/// Ranges that wait for their right sibling.
+#[derive(Default)]
+pub(super) struct Open {
+    /// The lists of all ranges, one after the other.
+    clusters: Vec<Cluster>,
+    /// Where the list of each begins, and at which level it parts from the next; levels rise.
+    ranges: Vec<(usize, u8)>,
+}
+
+impl Join for Hploc {
+    type Open = Open;
+
+    #[inline(always)]
+    fn push(&self, open: &mut Open, group: &[Cluster], level: u8, below: &mut Below<'_>) {
+        let mut begin = open.clusters.len();
+        open.clusters.extend_from_slice(group);
+        while let Some(&(left, parts)) = open.ranges.last()
+            && parts > level
+        {
+            open.ranges.pop();
+            begin = left;
+            if open.clusters.len() - begin > HANDED_MAX {
+                let count = reduce(&mut open.clusters[begin..], HANDED_MAX, 0, below);
+                open.clusters.truncate(begin + count);
+            }
+        }
+        open.ranges.push((begin, level));
+    }
+
+    fn finish(&self, open: &mut Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster> {
+        // Level 0 ended every range.
+        let left = reduce(&mut open.clusters, count, count, below);
+        open.clusters.truncate(left);
+        open.ranges.clear();
+        core::mem::take(&mut open.clusters)
+    }
+
+    fn keep(&self) -> usize {
+        KEPT
+    }
+}
+
+/// Joins clusters until at most `most` are left, never fewer than `least`; returns how many.
+#[inline(never)]
+fn reduce(clusters: &mut [Cluster], most: usize, least: usize, below: &mut Below<'_>) -> usize {
+    let mut count = clusters.len();
+    let mut table = Table::EMPTY;
+    while count > most {
+        table.fill(&clusters[..count]);
+        let nearest = table.nearest(count);
+        count = join_pairs(&mut clusters[..count], &nearest, count - least, below);
+    }
+    count
+}
+
+/// A pair of neighbours: the area of their common box above a code for the pair.
+///
+/// The code is the same from both sides and differs between the pairs of one cluster, so the least
+/// pair of all is the choice of both its members, and every round joins at least one. Of equal areas
+/// the nearer pair wins, and at the same distance the pairs that tile the list: equal boxes in a row
+/// become a balanced tree, not a chain.
+type Pair = f32;
+
+/// Bits of an area that give way to the code: 8 distances, two pairs of a cluster at each.
+const CODE_MASK: u32 = 15;
+
+/// `CODES[distance - 1][left end]`: a cluster is the left end of one pair at a distance and the
+/// right end of another, which begins at the tile before.
+const CODES: [[u32; JOINED_MAX]; RADIUS] = {
+    let mut codes = [[0; JOINED_MAX]; RADIUS];
+    let mut distance = 1;
+    while distance <= RADIUS {
+        let mut left = 0;
+        while left < JOINED_MAX {
+            codes[distance - 1][left] = 2 * (distance as u32 - 1) + (left / distance % 2) as u32;
+            left += 1;
+        }
+        distance += 1;
+    }
+    codes
+};
+
+/// Lanes of the loops over a table: two registers of the baseline.
+const LANES: usize = 8;
+/// A table and what pairs reach beyond it.
+const PADDED: usize = JOINED_MAX + RADIUS;
+
+/// The boxes of some clusters, one array a coordinate, with boxes of everything behind them, which
+/// nobody chooses. Lower and upper faces alternate: `lo x, hi x, lo y, ...`.
+struct Table {
+    faces: [[f32; PADDED]; 6],
+    /// `[distance - 1][RADIUS + left end]`, with pairs that nobody chooses in front.
+    pairs: [[Pair; RADIUS + JOINED_MAX]; RADIUS],
+}
+
+impl Table {
+    const EMPTY: Self = Self {
+        faces: [[0.0; PADDED]; 6],
+        pairs: [[Pair::INFINITY; RADIUS + JOINED_MAX]; RADIUS],
+    };
+
+    fn fill(&mut self, clusters: &[Cluster]) {
+        for (at, cluster) in clusters.iter().enumerate() {
+            let Aabb { lo, hi } = cluster.root.bounds;
+            for axis in 0..3 {
+                self.faces[2 * axis][at] = lo[axis];
+                self.faces[2 * axis + 1][at] = hi[axis];
+            }
+        }
+        for axis in 0..3 {
+            self.faces[2 * axis][clusters.len()..].fill(f32::NEG_INFINITY);
+            self.faces[2 * axis + 1][clusters.len()..].fill(f32::INFINITY);
+        }
+    }
+
+    /// The pair that each cluster would choose.
+    fn nearest(&mut self, count: usize) -> [Pair; JOINED_MAX] {
+        let mut nearest = [Pair::INFINITY; JOINED_MAX];
+        for block in (0..count).step_by(LANES) {
+            self.measure(block);
+        }
+        for block in (0..count).step_by(LANES) {
+            let mut least = [Pair::INFINITY; LANES];
+            for distance in 1..=RADIUS {
+                let pairs = &self.pairs[distance - 1];
+                let as_left: [Pair; LANES] = window(pairs, RADIUS + block);
+                let as_right: [Pair; LANES] = window(pairs, RADIUS + block - distance);
+                for lane in 0..LANES {
+                    least[lane] = lesser(as_left[lane], least[lane]);
+                    least[lane] = lesser(as_right[lane], least[lane]);
+                }
+            }
+            nearest[block..block + LANES].copy_from_slice(&least);
+        }
+        nearest
+    }
+
+    /// The pairs whose left ends are in a block.
+    #[inline(always)]
+    fn measure(&mut self, block: usize) {
+        let here: [[f32; LANES]; 6] = self.block(block);
+        for distance in 1..=RADIUS {
+            let there = self.block(block + distance);
+            let codes: [u32; LANES] = window(&CODES[distance - 1], block);
+            let mut out = [0.0; LANES];
+            for lane in 0..LANES {
+                let length = |axis: usize| {
+                    let lo = lesser(here[2 * axis][lane], there[2 * axis][lane]);
+                    let hi = greater(here[2 * axis + 1][lane], there[2 * axis + 1][lane]);
+                    hi - lo
+                };
+                let (x, y, z) = (length(0), length(1), length(2));
+                let area = x * y + (x + y) * z;
+                // An infinite area becomes NaN, or stays infinite: neither is less than anything.
+                out[lane] = Pair::from_bits(area.to_bits() & !CODE_MASK | codes[lane]);
+            }
+            self.pairs[distance - 1][RADIUS + block..][..LANES].copy_from_slice(&out);
+        }
+    }
+
+    #[inline(always)]
+    fn block(&self, first: usize) -> [[f32; LANES]; 6] {
+        let face = |at: usize| window(&self.faces[at], first);
+        [face(0), face(1), face(2), face(3), face(4), face(5)]
+    }
+}
+
+/// `N` neighbouring items.
+#[inline(always)]
+fn window<T: Copy + Default, const N: usize>(items: &[T], first: usize) -> [T; N] {
+    let mut out = [T::default(); N];
+    out.copy_from_slice(&items[first..first + N]);
+    out
+}
+
+/// The lesser one, and `b` if `a` is NaN.
+#[inline(always)]
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
+}
+
+/// The greater one.
+#[inline(always)]
+fn greater(a: f32, b: f32) -> f32 {
+    if a > b { a } else { b }
+}
+
+/// Joins, from the left, up to `limit` pairs whose members chose each other; the joined one takes the
+/// left one's place. Returns how many clusters are left.
+fn join_pairs(
+    clusters: &mut [Cluster],
+    nearest: &[Pair; JOINED_MAX],
+    limit: usize,
+    below: &mut Below<'_>,
+) -> usize {
+    let (mut count, mut joined, mut gone) = (0, 0, 0_u32);
+    for at in 0..clusters.len() {
+        if gone >> at & 1 != 0 {
+            continue;
+        }
+        let pair = nearest[at].to_bits();
+        let distance = ((pair & CODE_MASK) / 2) as usize;
+        let other = at + distance + 1;
+        // Nobody's choice looks like that of 0 and 1, 2 and 3, ...: without areas, they join.
+        let is_left = CODES[distance][at] == pair & CODE_MASK;
+        let agreed = is_left && other < clusters.len() && nearest[other].to_bits() == pair;
+        clusters[count] = if agreed && joined < limit {
+            joined += 1;
+            gone |= 1 << other;
+            below.join(&clusters[at], &clusters[other])
+        } else {
+            clusters[at]
+        };
+        count += 1;
+    }
+    count
+}
