@@ -38,7 +38,7 @@ pub(super) struct Split {
 const _: () = assert!(PRIMS_MAX <= 1 << 31, "room for 33 bits of a code");
 
 impl Split {
-    fn new(count: usize) -> Self {
+    pub(super) fn new(count: usize) -> Self {
         let bucket_bits = (count / BUCKET).checked_ilog2().map_or(0, |bits| bits + 1);
         let bucket_bits = bucket_bits.min(BUCKET_BITS_MAX);
         let prim_bits = usize::BITS - count.saturating_sub(1).leading_zeros();

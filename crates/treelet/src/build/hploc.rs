@@ -277,3 +277,157 @@ fn join_pairs(
     }
     count
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::ops::Range;
+
+    /// The definition, range by range and pair by pair.
+    struct Naive;
+
+    impl Join for Naive {
+        /// Groups and the levels at which they part from the next.
+        type Open = Vec<(Vec<Cluster>, u8)>;
+
+        fn push(&self, open: &mut Self::Open, group: &[Cluster], level: u8, _: &mut Below<'_>) {
+            open.push((group.to_vec(), level));
+        }
+
+        fn finish(&self, open: &mut Self::Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster> {
+            let groups = core::mem::take(open);
+            let all = range(&groups, 0..groups.len(), below);
+            naive_reduce(all, count, count, below)
+        }
+
+        fn keep(&self) -> usize {
+            KEPT
+        }
+    }
+
+    fn range(groups: &[(Vec<Cluster>, u8)], of: Range<usize>, below: &mut Below<'_>) -> Vec<Cluster> {
+        if of.len() == 1 {
+            return groups[of.start].0.clone();
+        }
+        // The highest cut is the one of least level.
+        let cuts = of.start..of.end - 1;
+        let cut = cuts.min_by_key(|&at| groups[at].1).unwrap() + 1;
+        let mut all = range(groups, of.start..cut, below);
+        all.extend(range(groups, cut..of.end, below));
+        if all.len() > HANDED_MAX { naive_reduce(all, HANDED_MAX, 0, below) } else { all }
+    }
+
+    /// Area, distance, tile: what makes one pair better than another.
+    fn price(clusters: &[Cluster], a: usize, b: usize) -> (u32, usize, usize) {
+        let (left, distance) = (a.min(b), a.abs_diff(b));
+        let around = clusters[a].root.bounds.union(&clusters[b].root.bounds);
+        let [x, y, z] = [0, 1, 2].map(|axis| around.hi[axis] - around.lo[axis]);
+        let area = x * y + (x + y) * z;
+        (area.to_bits() >> 4, distance, left / distance % 2)
+    }
+
+    fn naive_reduce(
+        mut clusters: Vec<Cluster>,
+        most: usize,
+        least: usize,
+        below: &mut Below<'_>,
+    ) -> Vec<Cluster> {
+        while clusters.len() > most {
+            let choice = |a: usize| {
+                let around = a.saturating_sub(RADIUS)..clusters.len().min(a + RADIUS + 1);
+                around.filter(|&b| b != a).min_by_key(|&b| price(&clusters, a, b)).unwrap()
+            };
+            let choices: Vec<usize> = (0..clusters.len()).map(choice).collect();
+            let mut limit = clusters.len() - least;
+            let mut next = Vec::new();
+            let mut gone = alloc::vec![false; clusters.len()];
+            for a in 0..clusters.len() {
+                let b = choices[a];
+                if gone[a] {
+                    continue;
+                }
+                if b > a && choices[b] == a && limit > 0 {
+                    limit -= 1;
+                    gone[b] = true;
+                    next.push(below.join(&clusters[a], &clusters[b]));
+                } else {
+                    next.push(clusters[a]);
+                }
+            }
+            clusters = next;
+        }
+        clusters
+    }
+
+    fn random_boxes(count: usize, size: f32, steps: f32) -> Vec<Aabb> {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            ((state >> 8) as f32 / 16_777_216.0 * steps).trunc() / steps
+        };
+        let mut one = || {
+            let lo = [(); 3].map(|()| random());
+            Aabb { lo, hi: lo.map(|x| x + size * random()) }
+        };
+        (0..count).map(|_| one()).collect()
+    }
+
+    #[test]
+    fn joins_what_the_definition_joins() {
+        let context = Context::default();
+        let grid = |i: u32| {
+            let lo = [(i % 128) as f32, (i / 128) as f32, 0.0];
+            Aabb { lo, hi: [lo[0] + 1.0, lo[1] + 1.0, 0.0] }
+        };
+        for (name, bounds) in [
+            ("random", random_boxes(20_000, 0.1, 1.0e6)),
+            ("on a lattice", random_boxes(20_000, 0.5, 16.0)),
+            ("a grid of equal boxes", (0..128 * 128).map(grid).collect()),
+            ("all equal", alloc::vec![grid(5); 5000]),
+            ("two", random_boxes(2, 0.1, 1.0e6)),
+            ("nine", random_boxes(9, 0.1, 1.0e6)),
+        ] {
+            for leaf_max in [1, 4] {
+                let (tree, depth) =
+                    bottom_up::build(&Hploc::DEFAULT, leaf_max, &bounds, &context).unwrap();
+                let (expected, _) = bottom_up::build(&Naive, leaf_max, &bounds, &context).unwrap();
+                assert!(tree == expected, "{name}, leaves of {leaf_max}");
+                assert_eq!(depth, tree.stats().depth, "{name}, leaves of {leaf_max}");
+                tree.validate(&bounds).unwrap();
+            }
+        }
+    }
+
+    #[test]
+    fn equal_boxes_do_not_become_chains() {
+        let bounds = alloc::vec![Aabb { lo: [0.0; 3], hi: [1.0; 3] }; 1 << 14];
+        let tree = Hploc { leaf_max: 1 }.build(&bounds, &Context::default()).unwrap();
+        assert_eq!(tree.stats().depth, 15, "a balanced tree");
+    }
+
+    #[test]
+    fn what_would_be_too_deep_is_left_to_lbvh() {
+        // Each box around all before it: a chain, sixteen deep for every level of the curve.
+        let around = |i: i32| {
+            let half = 1.01_f32.powi(i - 2500);
+            Aabb { lo: [-half; 3], hi: [half; 3] }
+        };
+        let bounds: Vec<Aabb> = (0..5000).map(around).collect();
+        let context = Context::default();
+        let (_, depth) = bottom_up::build(&Hploc::DEFAULT, 1, &bounds, &context).unwrap();
+        assert!(depth > DEPTH_MAX, "the test must make a deep tree: {depth}");
+        let tree = Hploc { leaf_max: 1 }.build(&bounds, &context).unwrap();
+        tree.validate(&bounds).unwrap();
+        assert_eq!(tree, Lbvh { leaf_max: 1 }.build(&bounds, &context).unwrap());
+    }
+
+    #[test]
+    fn areas_beyond_f32_are_no_trouble() {
+        for scale in [f32::MAX / 4.0, 1.0e25, 1.0e-30, 1.0e-38] {
+            let large = |b: &Aabb| Aabb { lo: b.lo.map(|x| x * scale), hi: b.hi.map(|x| x * scale) };
+            let bounds: Vec<Aabb> = random_boxes(3000, 0.1, 1.0e6).iter().map(large).collect();
+            let tree = Hploc::DEFAULT.build(&bounds, &Context::default()).unwrap();
+            tree.validate(&bounds).unwrap_or_else(|error| panic!("{scale:e}: {error}"));
+        }
+    }
+}
