@@ -19,6 +19,9 @@ use core::sync::atomic::AtomicU64;
 
 /// Up to this many entries are sorted by comparison: less work than counting digits.
 const SMALL_RUN: usize = 512;
+/// Bits by which a bucket is sorted by digits: three that a first-level cache holds. What is equal in
+/// them is sorted by comparison.
+const SORT_BITS: u32 = 27;
 /// The level of neighbours whose first words are equal, before [`refine`].
 const EQUAL: u8 = u8::MAX;
 
@@ -68,7 +71,8 @@ impl Search<'_> {
         sorted.extend(entries.iter_mut().map(|entry| *entry.get_mut()));
         let mut spare = Vec::new();
         let split = self.split;
-        let bits = split.prim_bits..split.prim_bits + split.coarse_bits - split.bucket_bits;
+        let below_bucket = split.prim_bits + split.coarse_bits - split.bucket_bits;
+        let bits = split.prim_bits.max(below_bucket.saturating_sub(SORT_BITS))..below_bucket;
         for bucket in piece.buckets.clone() {
             let begin = piece.prims.start;
             let range = self.starts[bucket] - begin..self.starts[bucket + 1] - begin;
@@ -77,6 +81,9 @@ impl Search<'_> {
             spare.resize(spare.len() + more, 0);
             let spare = &mut spare[..range.len()];
             radix_sort::sort(&mut sorted[range], spare, bits.clone(), self.stage)?;
+        }
+        if bits.start > split.prim_bits {
+            sort_runs(&mut sorted, bits.start);
         }
 
         // Find where neighbours part, and which ranges are small enough.
@@ -140,6 +147,21 @@ impl Search<'_> {
             *entry = split.entry(code, split.prim(*entry));
         }
         Ok(())
+    }
+}
+
+/// Sorts runs of entries that are equal from bit `from` up, mostly of a few.
+#[inline(never)]
+fn sort_runs(entries: &mut [u64], from: u32) {
+    let mut at = 1;
+    while at < entries.len() {
+        if (entries[at - 1] ^ entries[at]) >> from == 0 {
+            let begin = at - 1;
+            let run = entries[begin..].iter().take_while(|&&e| (e ^ entries[begin]) >> from == 0);
+            at = begin + run.count();
+            entries[begin..at].sort_unstable();
+        }
+        at += 1;
     }
 }
 

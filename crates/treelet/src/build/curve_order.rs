@@ -24,8 +24,6 @@ const PIECE_MIN: usize = 2048;
 const BUCKET: usize = 2048;
 /// Most bits of a bucket's number: more streams than this miss the TLB.
 const BUCKET_BITS_MAX: u32 = 11;
-/// Bits by which a bucket is sorted: three digits that a first-level cache holds.
-const SORT_BITS: u32 = 27;
 
 /// How an entry is divided: the first word of a code above the number of its primitive.
 #[derive(Clone, Copy, Debug)]
@@ -42,8 +40,8 @@ impl Split {
         let bucket_bits = (count / BUCKET).checked_ilog2().map_or(0, |bits| bits + 1);
         let bucket_bits = bucket_bits.min(BUCKET_BITS_MAX);
         let prim_bits = usize::BITS - count.saturating_sub(1).leading_zeros();
-        let coarse_bits = (bucket_bits + SORT_BITS).min(u64::BITS - prim_bits);
-        Self { bucket_bits, coarse_bits: coarse_bits.min(COARSE_BITS_MAX), prim_bits }
+        let coarse_bits = (u64::BITS - prim_bits).min(COARSE_BITS_MAX);
+        Self { bucket_bits, coarse_bits, prim_bits }
     }
 
     /// Bits of the second word.

@@ -255,25 +255,31 @@ fn join_pairs(
     limit: usize,
     below: &mut Below<'_>,
 ) -> usize {
-    let (mut count, mut joined, mut gone) = (0, 0, 0_u32);
+    // Mark the left members, without a branch that would often be guessed wrong.
+    let mut lefts = 0_u32;
     for at in 0..clusters.len() {
-        if gone >> at & 1 != 0 {
-            continue;
-        }
         let pair = nearest[at].to_bits();
         let distance = ((pair & CODE_MASK) / 2) as usize;
         let other = at + distance + 1;
         // Nobody's choice looks like that of 0 and 1, 2 and 3, ...: without areas, they join.
         let is_left = CODES[distance][at] == pair & CODE_MASK;
-        let agreed = is_left && other < clusters.len() && nearest[other].to_bits() == pair;
-        clusters[count] = if agreed && joined < limit {
-            joined += 1;
-            gone |= 1 << other;
-            below.join(&clusters[at], &clusters[other])
-        } else {
-            clusters[at]
-        };
-        count += 1;
+        let agreed = nearest[other % JOINED_MAX].to_bits() == pair;
+        lefts |= u32::from(is_left & agreed & (other < clusters.len())) << at;
+    }
+
+    // Join, then close the gaps that the right members leave.
+    let mut gone = 0_u32;
+    for _ in 0..limit.min(lefts.count_ones() as usize) {
+        let at = lefts.trailing_zeros() as usize;
+        lefts &= lefts - 1;
+        let other = at + ((nearest[at].to_bits() & CODE_MASK) / 2) as usize + 1;
+        clusters[at] = below.join(&clusters[at], &clusters[other]);
+        gone |= 1 << other;
+    }
+    let mut count = 0;
+    for at in 0..clusters.len() {
+        clusters[count] = clusters[at];
+        count += usize::from(gone >> at & 1 == 0);
     }
     count
 }
