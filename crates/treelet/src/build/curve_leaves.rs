@@ -15,6 +15,7 @@ use crate::context::Stage;
 use crate::math::morton::{CODE_BITS, Curve};
 use crate::memory;
 use alloc::vec::Vec;
+use core::ops::Range;
 use core::sync::atomic::AtomicU64;
 
 /// Up to this many entries are sorted by comparison: less work than counting digits.
@@ -83,7 +84,7 @@ impl Search<'_> {
             radix_sort::sort(&mut sorted[range], spare, bits.clone(), self.stage)?;
         }
         if bits.start > split.prim_bits {
-            sort_runs(&mut sorted, bits.start);
+            sort_runs(&mut sorted, bits.start, self.leaf_max);
         }
 
         // Find where neighbours part, and which ranges are small enough.
@@ -99,17 +100,12 @@ impl Search<'_> {
 
     /// Sorts entries with equal first words by their second ones. Fewer than fill a leaf are let be.
     fn refine(&self, entries: &mut [u64], levels: &mut [u8]) -> Result<(), BuildError> {
-        let levels = &mut levels[..entries.len()];
         let mut at = 0;
-        while let Some(skip) = levels[at..].iter().position(|&level| level == EQUAL) {
-            let begin = at + skip;
-            let equal = levels[begin..].iter().take_while(|&&level| level == EQUAL).count();
-            let end = begin + equal + 1;
-            if end - begin > self.leaf_max {
-                self.stage.check()?;
-                self.refine_run(&mut entries[begin..end], &mut levels[begin..end - 1])?;
-            }
-            at = end;
+        while let Some(run) = next_run(entries, at, self.split.prim_bits, self.leaf_max) {
+            self.stage.check()?;
+            at = run.end;
+            let levels = &mut levels[run.start..run.end - 1];
+            self.refine_run(&mut entries[run], levels)?;
         }
         Ok(())
     }
@@ -150,19 +146,27 @@ impl Search<'_> {
     }
 }
 
-/// Sorts runs of entries that are equal from bit `from` up, mostly of a few.
+/// Sorts runs of entries that are equal from bit `from` up. Fewer than fill a leaf are let be: they
+/// part below everything around them, so they stay together, and in a leaf no order matters.
 #[inline(never)]
-fn sort_runs(entries: &mut [u64], from: u32) {
-    let mut at = 1;
-    while at < entries.len() {
-        if (entries[at - 1] ^ entries[at]) >> from == 0 {
-            let begin = at - 1;
-            let run = entries[begin..].iter().take_while(|&&e| (e ^ entries[begin]) >> from == 0);
-            at = begin + run.count();
-            entries[begin..at].sort_unstable();
-        }
-        at += 1;
+fn sort_runs(entries: &mut [u64], from: u32, leaf_max: usize) {
+    let mut at = 0;
+    while let Some(run) = next_run(entries, at, from, leaf_max) {
+        at = run.end;
+        entries[run].sort_unstable();
     }
+}
+
+/// The first run, at or after `at`, of more than `leaf_max` entries that are equal from bit `from` up.
+/// Entries are sorted by those bits.
+#[inline(always)]
+fn next_run(entries: &[u64], at: usize, from: u32, leaf_max: usize) -> Option<Range<usize>> {
+    let rest = entries.get(at..)?;
+    let ahead = rest.get(leaf_max..)?;
+    let equal = |a: u64, b: u64| (a ^ b) >> from == 0;
+    let begin = rest.iter().zip(ahead).position(|(&a, &b)| equal(a, b))?;
+    let run = ahead[begin..].iter().take_while(|&&entry| equal(entry, rest[begin]));
+    Some(at + begin..at + begin + leaf_max + run.count())
 }
 
 /// Where sorted neighbours part by the first words of their codes.

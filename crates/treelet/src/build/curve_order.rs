@@ -146,14 +146,18 @@ fn centers(bounds: &[Aabb], stage: &Stage<'_>) -> Result<Aabb, Cancelled> {
     Ok(centers)
 }
 
-#[inline(never)]
+/// Four lanes, the last of which is of no use, make this twice as fast as three.
 fn centers_of(bounds: &[Aabb]) -> Aabb {
-    let mut centers = Aabb::EMPTY;
-    for bounds in bounds {
-        let center = bounds.center();
-        centers = centers.union(&Aabb { lo: center, hi: center });
+    let (mut lo, mut hi) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
+    for Aabb { lo: [x, y, z], hi: [far_x, far_y, far_z] } in bounds {
+        let (near, far) = ([*x, *y, *z, *far_x], [*far_x, *far_y, *far_z, *far_z]);
+        for lane in 0..4 {
+            let center = 0.5 * near[lane] + 0.5 * far[lane];
+            lo[lane] = if center < lo[lane] { center } else { lo[lane] };
+            hi[lane] = if center > hi[lane] { center } else { hi[lane] };
+        }
     }
-    centers
+    Aabb { lo: [lo[0], lo[1], lo[2]], hi: [hi[0], hi[1], hi[2]] }
 }
 
 /// Writes the entries of some primitives, numbered from `first`; returns how many are in each bucket.
