@@ -162,6 +162,11 @@ mod tests {
         let mut specks: Vec<_> = (0..20_000).map(|_| at([speck(random()), speck(random()), 1.0])).collect();
         specks.push(at([9.0e5, -2.0e5, 3.0e5]));
         scenes.push(("a speck far from another", specks));
+        // They differ in no bit that buckets are sorted by, but in the first word.
+        let mut crowd: Vec<_> =
+            (0..20_000).map(|_| at([(); 3].map(|()| random() * 1.0e-4))).collect();
+        crowd.push(at([1.0; 3]));
+        scenes.push(("a crowd in a corner", crowd));
         let line = |i: u32| at([1.5_f32.powi((i % 150) as i32 - 70), 0.0, 0.0]);
         scenes.push(("lopsided", (0..20_000).map(line).collect()));
         scenes.push(("huge", (0..3000).map(|_| at([(); 3].map(|()| (random() - 0.5) * f32::MAX))).collect()));
