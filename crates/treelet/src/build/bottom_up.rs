@@ -111,9 +111,9 @@ pub(super) fn build<J: Join>(
     // Join inside pieces, all at once, then join the pieces.
     let groups = parallel::map(tasks, |(piece, marks, mut below)| {
         stage.check()?;
-        let leaves = Leaves { bounds, prims: &prims, piece };
+        let leaves = Leaves { bounds, prims: &prims, piece, stage: &stage };
         let mut open = J::Open::default();
-        leaves.each(marks, |leaf, level| join.push(&mut open, &[leaf], level, &mut below));
+        leaves.each(marks, |leaf, level| join.push(&mut open, &[leaf], level, &mut below))?;
         let group = join.finish(&mut open, keep(piece), &mut below);
         stage.advance(piece.prims.len() as u64);
         Ok((piece.level, group))
@@ -139,6 +139,7 @@ struct Leaves<'a> {
     /// Of the whole tree.
     prims: &'a [u32],
     piece: &'a Piece,
+    stage: &'a Stage<'a>,
 }
 
 /// Boxes are loaded this many at a time: nothing but loads, so that as many as can be are on their
@@ -149,7 +150,11 @@ const _: () = assert!(BLOCK >= super::LEAF_MAX as usize);
 impl Leaves<'_> {
     /// Shows each leaf and the level at which it parts from the next.
     #[inline(always)]
-    fn each(&self, marks: &mut [AtomicU64], mut show: impl FnMut(Cluster, u8)) {
+    fn each(
+        &self,
+        marks: &mut [AtomicU64],
+        mut show: impl FnMut(Cluster, u8),
+    ) -> Result<(), Cancelled> {
         let begin = self.piece.prims.start;
         let mut boxes = [Aabb::EMPTY; BLOCK];
         let mut loaded = 0..0;
@@ -161,12 +166,14 @@ impl Leaves<'_> {
             });
             let first = begin + first as usize;
             if end > loaded.end {
+                self.stage.check()?;
                 loaded = first..self.piece.prims.end.min(first + BLOCK);
                 self.load(loaded.clone(), &mut boxes);
             }
             let bounds = around(&boxes[first - loaded.start..end - loaded.start]);
             show(Cluster { root: Node::leaf(bounds, first, end - first), height: 0 }, level);
         }
+        Ok(())
     }
 
     #[inline(never)]

@@ -84,7 +84,7 @@ impl Search<'_> {
             radix_sort::sort(&mut sorted[range], spare, bits.clone(), self.stage)?;
         }
         if bits.start > split.prim_bits {
-            sort_runs(&mut sorted, bits.start, self.leaf_max);
+            self.sort_runs(&mut sorted, bits.start)?;
         }
 
         // Find where neighbours part, and which ranges are small enough.
@@ -98,11 +98,33 @@ impl Search<'_> {
         Ok(())
     }
 
+    /// Sorts runs of entries that are equal from bit `from` up. Fewer than fill a leaf are let be: they
+    /// part below everything around them, so they stay together, and in a leaf no order matters.
+    #[inline(never)]
+    fn sort_runs(&self, entries: &mut [u64], from: u32) -> Result<(), BuildError> {
+        let mut at = 0;
+        while let Some(run) = next_run(entries, at, from, self.leaf_max) {
+            at = run.end;
+            self.sort_run(&mut entries[run], self.split.prim_bits..from)?;
+        }
+        Ok(())
+    }
+
+    /// Sorts entries by bits above which they are equal, below which they are primitives in order.
+    fn sort_run(&self, entries: &mut [u64], bits: Range<u32>) -> Result<(), BuildError> {
+        self.stage.check()?;
+        if entries.len() <= SMALL_RUN {
+            entries.sort_unstable();
+            return Ok(());
+        }
+        let mut spare = memory::try_filled(0, entries.len(), "sorting")?;
+        Ok(radix_sort::sort(entries, &mut spare, bits, self.stage)?)
+    }
+
     /// Sorts entries with equal first words by their second ones. Fewer than fill a leaf are let be.
     fn refine(&self, entries: &mut [u64], levels: &mut [u8]) -> Result<(), BuildError> {
         let mut at = 0;
         while let Some(run) = next_run(entries, at, self.split.prim_bits, self.leaf_max) {
-            self.stage.check()?;
             at = run.end;
             let levels = &mut levels[run.start..run.end - 1];
             self.refine_run(&mut entries[run], levels)?;
@@ -119,13 +141,7 @@ impl Search<'_> {
             let center = self.bounds[prim as usize].center();
             *entry = split.entry(self.curve.fine(self.curve.cell(center)), prim);
         }
-        if entries.len() <= SMALL_RUN {
-            entries.sort_unstable();
-        } else {
-            let mut spare = memory::try_filled(0, entries.len(), "sorting")?;
-            let bits = split.prim_bits..split.prim_bits + split.fine_bits();
-            radix_sort::sort(entries, &mut spare, bits, self.stage)?;
-        }
+        self.sort_run(entries, split.prim_bits..split.prim_bits + split.fine_bits())?;
 
         let mut begin = 0;
         for at in 0..levels.len() {
@@ -143,17 +159,6 @@ impl Search<'_> {
             *entry = split.entry(code, split.prim(*entry));
         }
         Ok(())
-    }
-}
-
-/// Sorts runs of entries that are equal from bit `from` up. Fewer than fill a leaf are let be: they
-/// part below everything around them, so they stay together, and in a leaf no order matters.
-#[inline(never)]
-fn sort_runs(entries: &mut [u64], from: u32, leaf_max: usize) {
-    let mut at = 0;
-    while let Some(run) = next_run(entries, at, from, leaf_max) {
-        at = run.end;
-        entries[run].sort_unstable();
     }
 }
 
