@@ -25,7 +25,9 @@ const BUCKET: usize = 2048;
 /// Most bits of a bucket's number: more streams than this miss the TLB.
 const BUCKET_BITS_MAX: u32 = 11;
 
-/// How an entry is divided: the first word of a code above the number of its primitive.
+/// How an entry is divided: the first word of a code above the number of its primitive. The word has
+/// as many bits as there is room for: with 33 always, so many primitives of a kitchen shared theirs
+/// that the build took 55 ns a triangle instead of 44.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Split {
     pub(super) bucket_bits: u32,
