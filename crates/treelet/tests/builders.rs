@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use treelet::bounds::Aabb;
-use treelet::build::{self, BinnedSah, BuildError, Builder, ObjectMedian, SpatialMedian, SweepSah};
+use treelet::build::{self, BinnedSah, BuildError, Builder, Hploc, Lbvh};
+use treelet::build::{ObjectMedian, SpatialMedian, SweepSah};
 use treelet::context::Progress;
 use treelet::memory::Array;
 use treelet::tree::validate::Inside;
@@ -94,6 +95,8 @@ fn depth_is_bounded_for_every_option() {
     let builders: Vec<Box<dyn Builder>> = vec![
         Box::new(SpatialMedian { leaf_max: 1 }),
         Box::new(ObjectMedian { leaf_max: 1 }),
+        Box::new(Lbvh { leaf_max: 1 }),
+        Box::new(Hploc { leaf_max: 1 }),
         Box::new(SweepSah { leaf_max: 1, visit_cost: 0.0 }),
         Box::new(BinnedSah { leaf_max: 1, visit_cost: 0.0, bins: 2, block: 1 }),
         Box::new(BinnedSah { leaf_max: 64, visit_cost: 1000.0, bins: 32, block: 64 }),
@@ -129,6 +132,8 @@ fn options_out_of_range_are_named() {
         let bad = f64::from(leaf_max);
         check(&SpatialMedian { leaf_max }, "leaf_max", bad);
         check(&ObjectMedian { leaf_max }, "leaf_max", bad);
+        check(&Lbvh { leaf_max }, "leaf_max", bad);
+        check(&Hploc { leaf_max }, "leaf_max", bad);
         check(&SweepSah { leaf_max, ..SweepSah::DEFAULT }, "leaf_max", bad);
         check(&BinnedSah { leaf_max, ..BinnedSah::DEFAULT }, "leaf_max", bad);
     }

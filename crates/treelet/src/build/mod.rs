@@ -4,6 +4,9 @@
 //! their price does. Named builders give the same tree for any number of threads.
 
 mod bins;
+mod bottom_up;
+mod curve_leaves;
+mod curve_order;
 mod groups;
 mod lanes;
 mod prim_ref;
@@ -80,6 +83,8 @@ catalogue! {
     object_median::ObjectMedian,
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
+    lbvh::Lbvh,
+    hploc::Hploc,
 }
 
 /// The builder of that name, with its default options.
