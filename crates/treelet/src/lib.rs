@@ -34,6 +34,7 @@ pub mod math;
 pub mod memory;
 mod query;
 pub mod scene;
+pub mod simd;
 pub mod trace;
 pub mod tree;
 pub mod verify;

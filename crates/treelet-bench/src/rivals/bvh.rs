@@ -138,9 +138,8 @@ impl Built for Tree {
             })),
             Question::Any => Box::new(Singles::new(rays, |ray| {
                 let mut met = self.tree.traverse_iterator(&ray.ray, &self.shapes);
-                let hit = |shape: &Shape| {
-                    shape.hit(&ray.ray.origin, &ray.direction, ray.t_max).is_some()
-                };
+                let hit =
+                    |shape: &Shape| shape.hit(&ray.ray.origin, &ray.direction, ray.t_max).is_some();
                 Answer::any(met.any(hit))
             })),
         }

@@ -88,9 +88,8 @@ impl Built for Tree {
     }
 
     fn pass<'a>(&'a self, _: Call, question: Question, rays: &'a [Ray]) -> Box<dyn Pass + 'a> {
-        let ray = |r: &Ray| {
-            obvhs::ray::Ray::new(r.origin.into(), r.direction.into(), r.t_min, r.t_max)
-        };
+        let ray =
+            |r: &Ray| obvhs::ray::Ray::new(r.origin.into(), r.direction.into(), r.t_min, r.t_max);
         let rays: Vec<obvhs::ray::Ray> = rays.iter().map(ray).collect();
         match question {
             Question::Closest => Box::new(Singles::new(rays, |ray| {

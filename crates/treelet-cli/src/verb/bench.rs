@@ -58,9 +58,9 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "S", default_value_t = 0.3, value_parser = seconds)]
     seconds: f64,
 
-    /// Builders of treelet's to measure [default: all].
+    /// Builders of treelet's to measure, perhaps with a layout or a level, such as "binned-sah avx2"
+    /// [default: all builders].
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
-    #[arg(value_parser = crate::arguments::builder_names())]
     builders: Vec<String>,
 
     /// Variants of the rivals to measure, such as "HIGH robust" [default: each rival's usual ones].

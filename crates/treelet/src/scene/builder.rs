@@ -6,6 +6,7 @@ use crate::build::{BinnedSah, Builder};
 use crate::context::Context;
 use crate::geometry::Mesh;
 use crate::math::Affine;
+use crate::simd::Level;
 use crate::trace::structure::Structure;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -20,6 +21,30 @@ pub enum Invalid {
     Skip,
 }
 
+/// A packed form: one of [`crate::layout::ALL`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayoutChoice {
+    /// [`crate::layout::wide::INFO_8`].
+    Wide8,
+    /// [`crate::layout::wide::INFO_16`].
+    Wide16,
+}
+
+impl LayoutChoice {
+    /// Every layout, in the catalogue's order.
+    pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16];
+
+    /// 16 children fill the vectors of AVX-512, 8 those of AVX2; with narrower vectors, fewer boxes
+    /// that are tested in vain count for more than fewer visits.
+    pub fn best_for(level: Level) -> Self {
+        match level {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => Self::Wide16,
+            _ => Self::Wide8,
+        }
+    }
+}
+
 /// How a scene is built.
 #[derive(Clone)]
 pub struct BuildOptions<'a> {
@@ -27,6 +52,12 @@ pub struct BuildOptions<'a> {
     pub builder: &'a dyn Builder,
     /// What to do with input that cannot be used.
     pub invalid: Invalid,
+    /// The instructions that walk the scene; the best that this processor has by default. All give
+    /// the same answers.
+    pub level: Level,
+    /// The packed form of the tree; by default what is best for `level`. A scene and those placed
+    /// into it must agree.
+    pub layout: Option<LayoutChoice>,
     /// Cancels and watches the build.
     pub context: Context<'a>,
 }
@@ -36,6 +67,8 @@ impl Default for BuildOptions<'_> {
         Self {
             builder: &BinnedSah::DEFAULT,
             invalid: Invalid::default(),
+            level: Level::best(),
+            layout: None,
             context: Context::default(),
         }
     }
