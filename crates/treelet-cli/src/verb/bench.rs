@@ -273,6 +273,7 @@ fn machine(flags: &Flags, plan: &Plan) -> Machine {
         processors: std::thread::available_parallelism().map_or(1, usize::from),
         system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
         huge_pages: flags.hugepages == HugePages::All,
+        huge_pages_system: Machine::huge_pages_setting(),
         clock: match plan.clock {
             Clock::Wall => "wall",
             Clock::Processor => "processor",
