@@ -8,7 +8,8 @@ const QUICK: &str = "--rays 1000 --rounds 1 --seconds 0 --threads 1";
 fn a_small_bench_has_the_promised_form() {
     let folder = Folder::new();
     folder.write("scene.obj", SCENE);
-    let line = format!("bench scene.obj soup:500 {QUICK} --json --peaks --slice 64,1000");
+    let line =
+        format!("bench scene.obj fractal-terrain:500 {QUICK} --json --peaks --slice 64,1000");
     let run = folder.run(&line).ends(0);
     assert!(run.stderr.contains("as by brute force"), "{}", run.stderr);
     let json = run.json("bench");
@@ -21,7 +22,7 @@ fn a_small_bench_has_the_promised_form() {
         assert_eq!(build["engine"], "treelet");
         assert_eq!(build["threads"], 1);
         assert!(treelet::build::by_name(build["variant"].as_str().unwrap()).is_some());
-        let triangles = if build["scene"] == "scene" { 6 } else { 500 };
+        let triangles = if build["scene"] == "scene" { 6 } else { 512 };
         assert_eq!(build["triangles"], triangles);
         for field in ["mtris_per_s", "bytes_per_tri"] {
             assert!(build[field].as_f64().unwrap() > 0.0, "{field}: {build}");
