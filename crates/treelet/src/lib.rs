@@ -32,6 +32,7 @@ pub mod geometry;
 pub mod layout;
 pub mod math;
 pub mod memory;
+pub mod optimize;
 mod query;
 pub mod scene;
 pub mod trace;

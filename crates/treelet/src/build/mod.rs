@@ -93,7 +93,7 @@ fn check_leaf_max(leaf_max: u32) -> Result<(), BuildError> {
 }
 
 /// Checks an option against what is allowed; NaN is not.
-fn check_option(
+pub(crate) fn check_option(
     option: &'static str,
     value: f64,
     range: core::ops::RangeInclusive<f64>,
