@@ -119,7 +119,7 @@ fn the_same_tree_for_any_number_of_threads() {
             pools.each_ref().map(|pool| pool.install(|| optimized(optimizer, &tree)));
         assert_eq!(one, two, "{}: 2 threads", optimizer.info().name);
         assert_eq!(one, seven, "{}: 7 threads", optimizer.info().name);
-        assert!(sah(&one) < 0.99 * sah(&tree), "{} to {}", sah(&tree), sah(&one));
+        assert!(sah(&one) < sah(&tree), "{} to {}", sah(&tree), sah(&one));
     }
 }
 
