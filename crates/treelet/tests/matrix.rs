@@ -13,7 +13,7 @@ fn mesh(shape: &Shape) -> Mesh {
 }
 
 fn build(shape: &Shape, builder: &dyn Builder) -> Scene {
-    let options = BuildOptions { builder, ..BuildOptions::default() };
+    let options = BuildOptions { builder: Some(builder), ..BuildOptions::default() };
     Scene::builder().mesh(mesh(shape)).build(&options).expect("awkward scenes build")
 }
 

@@ -1,5 +1,6 @@
 //! What a ray can hit, and what it answers.
 
+pub mod clip;
 pub mod hit;
 pub mod mesh;
 pub mod triangle;

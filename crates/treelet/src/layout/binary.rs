@@ -139,13 +139,14 @@ pub(crate) fn lower(
     triangles: usize,
     cancel: &Cancel,
 ) -> Result<Lowered, BuildError> {
-    let instances = tree.prims.len() - triangles;
+    let entries = tree.prims.len();
+    let instances = bounds.len() - triangles;
     let mut lowering = Lowering {
         tree,
         bounds,
         first_instance: triangles as u32,
         nodes: memory::try_with_capacity(tree.nodes.len() / 2, "packed nodes")?,
-        triangles: memory::try_with_capacity(triangles, "the order of triangles")?,
+        triangles: memory::try_with_capacity(entries - instances, "the order of triangles")?,
         instances: memory::try_with_capacity(instances, "the order of instances")?,
     };
     let root = lowering.run(cancel)?;

@@ -2,6 +2,7 @@
 
 use super::builder::{BuildOptions, Invalid, SceneBuilder};
 use super::place::{Placements, place_instances};
+use super::quality::Cuttable;
 use super::report::{BuildReport, Skipped};
 use super::{Scene, SceneError};
 use crate::bounds::Aabb;
@@ -29,7 +30,9 @@ pub(super) fn assemble(
     options: &BuildOptions<'_>,
 ) -> Result<Scene, SceneError> {
     let total = Stopwatch::start();
-    let mut report = BuildReport { builder: options.builder.info().name, ..Default::default() };
+    let plan = options.plan();
+    let mut report = BuildReport { plan: plan.to_string(), ..Default::default() };
+    report.builder = plan.builder.info().name;
 
     // Check and box what the leaves will hold: triangles first, then instances.
     let mut prims =
@@ -49,7 +52,8 @@ pub(super) fn assemble(
 
     // Build the tree and pack it.
     let tree_time = Stopwatch::start();
-    let tree = options.builder.build(&prims.bounds, &options.context)?;
+    let cut = Cuttable { meshes: &description.meshes, names: &prims.names, bounds: &prims.bounds };
+    let tree = plan.build(&prims.bounds, &cut, &options.context)?;
     report.tree_time = tree_time.elapsed();
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
@@ -158,7 +162,10 @@ fn finish(
     let leaf_instances = lowered.instances.iter().map(|&at| prims.instances[at as usize]).collect();
 
     let Placements { instances, reach, slack, paths } = placements;
+    let repeats = tree.prims.len() > prims.bounds.len()
+        || instances.iter().any(|instance| instance.structure.repeats);
     Ok(Structure {
+        repeats,
         geometries: meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect(),
         instances,
         layout: lowered.layout,

@@ -4,11 +4,13 @@ mod assemble;
 mod builder;
 mod error;
 mod place;
+mod quality;
 mod report;
 mod slices;
 
 pub use builder::{BuildOptions, Invalid, SceneBuilder};
 pub use error::{InstanceDefect, SceneError, WrongLength};
+pub use quality::{Plan, Quality};
 pub use report::{BuildReport, Skipped};
 pub use slices::HitLists;
 

@@ -56,6 +56,8 @@ pub(crate) struct Structure {
     /// Contains everything, and the images of the reaches of all instances.
     pub(crate) reach: Aabb,
     pub(crate) slack: Slack,
+    /// Whether a primitive, here or in an instance, lies in several leaves.
+    pub(crate) repeats: bool,
     /// Instance paths, this level's empty path included.
     pub(crate) paths: u64,
 }
