@@ -39,6 +39,22 @@ pub trait Builder: Sync {
     ///
     /// An option out of range, too many primitives, cancellation, memory.
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError>;
+
+    /// The same for primitives that can be cut. A builder that cuts may put a primitive into several
+    /// leaves, whose boxes then contain a part of it each, and all of it together; all others do
+    /// not look at `clip`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Builder::build`].
+    fn build_clipped(
+        &self,
+        bounds: &[Aabb],
+        _clip: &dyn Clip,
+        context: &Context<'_>,
+    ) -> Result<Tree, BuildError> {
+        self.build(bounds, context)
+    }
 }
 
 /// Why there is no tree.
@@ -82,6 +98,7 @@ catalogue! {
     object_median::ObjectMedian,
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
+    split_sah::SplitSah,
 }
 
 /// The builder of that name, with its default options.

@@ -117,8 +117,10 @@ impl<'a> Plan<'a> {
             Some(presplit) => presplit.split(bounds, clip, context)?,
             None => None,
         };
-        let bounds = pieces.as_ref().map_or(bounds, |pieces| &pieces.bounds);
-        let mut tree = self.builder.build(bounds, context)?;
+        let mut tree = match &pieces {
+            Some(pieces) => self.builder.build(&pieces.bounds, context)?,
+            None => self.builder.build_clipped(bounds, clip, context)?,
+        };
         for optimizer in self.optimizers {
             tree = optimizer.optimize(tree, context)?;
         }
