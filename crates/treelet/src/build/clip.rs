@@ -7,9 +7,4 @@ pub trait Clip: Sync {
     /// The box around the part of a primitive inside `region`, itself inside `region`; empty if
     /// there is certainly no such part. Regions that cover a primitive give boxes that do.
     fn clip(&self, prim: u32, region: &Aabb) -> Aabb;
-
-    /// The half area below which boxes around ever smaller parts do not fall, summed up: for a
-    /// surface the sum of its shadows along the axes. As large as its box's for what is not to be
-    /// cut.
-    fn ideal_area(&self, prim: u32) -> f64;
 }

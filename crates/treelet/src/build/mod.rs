@@ -4,13 +4,11 @@
 //! their price does. Named builders give the same tree for any number of threads.
 
 pub mod clip;
-pub mod presplit;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod top_down;
 
 pub use clip::Clip;
-pub use presplit::Presplit;
 
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context};

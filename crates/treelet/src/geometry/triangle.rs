@@ -200,16 +200,6 @@ fn sign(x: f64) -> i32 {
     i32::from(x > 0.0) - i32::from(x < 0.0)
 }
 
-/// The areas of the triangle's shadows along the three axes, summed up: what half the surface of
-/// the boxes around ever smaller parts of it tends to.
-pub(crate) fn shadows([a, b, c]: &[[f32; 3]; 3]) -> f64 {
-    let [p, q] = [b, c].map(|corner| -> [f64; 3] {
-        core::array::from_fn(|axis| f64::from(corner[axis]) - f64::from(a[axis]))
-    });
-    let along = |x: usize, y: usize| 0.5 * (p[x] * q[y] - p[y] * q[x]).abs();
-    along(0, 1) + along(1, 2) + along(2, 0)
-}
-
 /// Whether the triangle's exact corners are collinear or coincide, decided by exact predicates:
 /// J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic and Fast Robust Geometric
 /// Predicates", Discrete & Computational Geometry 18, 1997.

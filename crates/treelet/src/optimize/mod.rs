@@ -5,6 +5,7 @@
 //! builders it gives the same tree for any number of threads.
 
 mod pairs;
+mod search;
 
 use crate::build::{BuildError, Info};
 use crate::context::Context;

@@ -53,6 +53,21 @@ pub(super) struct Pair(pub(super) [Place; 2]);
 
 const _: () = assert!(size_of::<Pair>() == 64, "one visit of two siblings is one cache line");
 
+/// Something that is to be put into the tree, and what taking it from where it is saves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Loose {
+    /// Its box.
+    pub(super) bounds: Aabb,
+    /// The node whose place its taking changes.
+    pub(super) below: Id,
+    /// The box there, once it is gone.
+    pub(super) rest: Aabb,
+    /// What is saved at that place; nodes above it save what they shrink by.
+    pub(super) saved: f64,
+    /// Levels below it.
+    height: u32,
+}
+
 /// The path from a node to the root, both included.
 pub(super) struct Path {
     ids: [Id; DEPTH_MAX as usize],
@@ -147,28 +162,43 @@ impl Pairs {
         }
     }
 
-    /// By how much the sum of the inner nodes' half areas falls if `node` becomes the sibling of
-    /// `target`; `None` if it cannot: the target is below it, or is where it is already, or the
-    /// tree would grow too deep.
+    /// A subtree, about to be taken away.
+    pub(super) fn loosen(&self, node: Id) -> Loose {
+        let parent = self.parent(node);
+        Loose {
+            bounds: self.at(node).bounds,
+            below: parent,
+            rest: self.at(node ^ 1).bounds,
+            saved: self.at(parent).bounds.half_area(),
+            height: self.at(node).height(),
+        }
+    }
+
+    /// By how much the cost falls if `node` becomes the sibling of `target`; `None` if it cannot: the
+    /// target is below it, or is where it is already, or the tree would grow too deep.
     pub(super) fn gain(&self, node: Id, target: Id) -> Option<f64> {
-        let (sibling, parent) = (node ^ 1, self.parent(node));
-        if target == node || target == sibling || target == parent {
+        if target == node || target == node ^ 1 || target == self.parent(node) {
             return None;
         }
-        let (from, to) = (self.path(parent), self.path(target));
-        let (from, to) = (from.ids(), to.ids());
-        let height = self.at(node).height().max(self.at(target).height());
+        let to = self.path(target);
+        if to.ids().contains(&node) { None } else { self.gain_beside(&self.loosen(node), &to) }
+    }
+
+    fn gain_beside(&self, loose: &Loose, to: &Path) -> Option<f64> {
+        let (from, to) = (self.path(loose.below), to.ids());
+        let from = from.ids();
+        let target = self.at(to[0]);
         // The deepest of them has as many nodes above it as `to` has, and itself, and a new parent.
-        if to.contains(&node) || to.len() as u32 + 1 + height > DEPTH_MAX {
+        if to.len() as u32 + 1 + loose.height.max(target.height()) > DEPTH_MAX {
             return None;
         }
         let common = from.iter().rev().zip(to.iter().rev()).take_while(|(a, b)| a == b).count();
-        let bounds = &self.at(node).bounds;
+        let bounds = &loose.bounds;
 
-        // Taking it away: the parent goes, and what is above it shrinks.
-        let mut gain = self.at(parent).bounds.half_area();
-        let mut below = parent;
-        let mut rest = self.at(sibling).bounds;
+        // Taking it away: what is above shrinks.
+        let mut gain = loose.saved;
+        let mut below = loose.below;
+        let mut rest = loose.rest;
         let shrinking = from.len() - common;
         for &above in from[..shrinking].iter().skip(1) {
             rest = rest.union(&self.at(below ^ 1).bounds);
@@ -180,7 +210,7 @@ impl Pairs {
             return Some(gain - rest.union(&self.at(below ^ 1).bounds).half_area());
         }
         // Anywhere else: a new parent, and what is above it grows.
-        gain -= self.at(target).bounds.union(bounds).half_area();
+        gain -= target.bounds.union(bounds).half_area();
         for &above in &to[1..to.len() - common] {
             let above = &self.at(above).bounds;
             if above.contains(bounds) {

@@ -19,6 +19,7 @@
 
 use super::Optimizer;
 use super::pairs::{Id, Pairs, Place, ROOT};
+use super::search::Search;
 use crate::build::{BuildError, Info, check_option};
 use crate::context::{Cancelled, Context, Stage, parallel};
 use crate::memory;
@@ -82,7 +83,7 @@ struct Move {
 }
 
 impl Reinsertion {
-    fn run(&self, pairs: &mut Pairs, context: &Context<'_>) -> Result<(), BuildError> {
+    pub(super) fn run(&self, pairs: &mut Pairs, context: &Context<'_>) -> Result<(), BuildError> {
         let size = |round: u32| {
             let first = f64::from(self.share) * pairs.nodes() as f64;
             libm::ceil(first / f64::from(2 * round + 1)) as usize
@@ -115,8 +116,8 @@ fn cost(pairs: &Pairs, stage: &Stage<'_>) -> Result<f64, Cancelled> {
     parts.into_iter().sum()
 }
 
-/// The `count` nodes of largest area, in the order of their ids; ties go to the lower id.
-fn largest(pairs: &Pairs, count: usize, stage: &Stage<'_>) -> Result<Vec<Id>, BuildError> {
+/// The `count` nodes of largest area, the root left out, in the order of their ids; ties go to the lower id.
+pub(super) fn largest(pairs: &Pairs, count: usize, stage: &Stage<'_>) -> Result<Vec<Id>, BuildError> {
     // Areas as f32 bits, turned around so that the largest comes first.
     let keys = parallel::map_chunks(pairs.pairs(), PAIRS_CHUNK, |first, pairs| {
         stage.check()?;
@@ -144,8 +145,8 @@ fn largest(pairs: &Pairs, count: usize, stage: &Stage<'_>) -> Result<Vec<Id>, Bu
 fn search(pairs: &Pairs, nodes: &[Id], stage: &Stage<'_>) -> Result<Vec<Move>, Cancelled> {
     let parts = parallel::map_chunks(nodes, CHUNK, |_, nodes| {
         stage.check()?;
-        let mut search = Search { pairs, open: Vec::new() };
-        Ok(nodes.iter().filter_map(|&node| search.best_place(node)).collect::<Vec<_>>())
+        let mut search = Search::new(pairs);
+        Ok(nodes.iter().filter_map(|&node| best_place(&mut search, node)).collect::<Vec<_>>())
     });
     let mut moves = Vec::new();
     for part in parts {
@@ -171,98 +172,15 @@ fn apply(pairs: &mut Pairs, mut moves: Vec<Move>, stage: &Stage<'_>) -> Result<f
     Ok(saved)
 }
 
+/// The best place of a node, if it is better than where it is.
+fn best_place(search: &mut Search<'_>, node: Id) -> Option<Move> {
+    let best = search.best_place(&search.pairs.loosen(node), node ^ 1);
+    let noise = noise(search.pairs.at(node), search.pairs.at(best.target));
+    (best.gain > noise).then_some(Move { gain: best.gain, node, target: best.target })
+}
+
 fn noise(node: &Place, target: &Place) -> f64 {
     NOISE * (node.bounds.half_area() + target.bounds.half_area())
-}
-
-/// A search for the best place of a node, by branch and bound.
-struct Search<'a> {
-    pairs: &'a Pairs,
-    /// Inner nodes to be looked into, and what is saved if their own growth is paid for.
-    open: Vec<(f64, Id)>,
-}
-
-impl Search<'_> {
-    fn best_place(&mut self, node: Id) -> Option<Move> {
-        let parent = self.pairs.parent(node);
-        let mut best = Best {
-            area: self.pairs.at(node).bounds.half_area(),
-            gain: 0.0,
-            target: ROOT,
-        };
-        let mut rest = self.pairs.at(node ^ 1).bounds;
-        // What is saved so far by taking the node away.
-        let mut saved = self.pairs.at(parent).bounds.half_area();
-        // The sibling grows to what the parent was.
-        self.look_below(node, node ^ 1, rest.half_area(), &mut best);
-        let mut below = parent;
-        while below != ROOT {
-            // Beside the sibling of this node above it, or anywhere below that one.
-            self.look_at(node, below ^ 1, saved, &mut best);
-            let above = self.pairs.parent(below);
-            rest = rest.union(&self.pairs.at(below ^ 1).bounds);
-            let rest_area = rest.half_area();
-            best.offer(saved - rest_area, above);
-            saved += self.pairs.at(above).bounds.half_area() - rest_area;
-            below = above;
-        }
-        let noise = noise(self.pairs.at(node), self.pairs.at(best.target));
-        (best.gain > noise).then_some(Move { gain: best.gain, node, target: best.target })
-    }
-
-    /// Looks at a target and everything below it.
-    fn look_at(&mut self, node: Id, target: Id, saved: f64, best: &mut Best) {
-        if saved - best.area <= best.gain {
-            return;
-        }
-        let place = self.pairs.at(target);
-        let merged = place.bounds.union(&self.pairs.at(node).bounds).half_area();
-        best.offer(saved - merged, target);
-        self.look_below(node, target, saved - (merged - place.bounds.half_area()), best);
-    }
-
-    /// Looks at everything below a target, whose own growth is paid for.
-    fn look_below(&mut self, node: Id, target: Id, saved: f64, best: &mut Best) {
-        let bounds = self.pairs.at(node).bounds;
-        self.open.push((saved, target));
-        while let Some((saved, target)) = self.open.pop() {
-            // Wherever it goes, its new parent is at least as large as itself.
-            if saved - best.area <= best.gain {
-                continue;
-            }
-            let Some(left) = self.pairs.at(target).left() else { continue };
-            let mut next = [(f64::NEG_INFINITY, left); 2];
-            for (side, next) in next.iter_mut().enumerate() {
-                let id = left + side as Id;
-                let place = self.pairs.at(id);
-                let merged = place.bounds.union(&bounds).half_area();
-                best.offer(saved - merged, id);
-                if place.left().is_some() {
-                    *next = (saved - (merged - place.bounds.half_area()), id);
-                }
-            }
-            // The more promising one is looked into first.
-            next.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-            self.open.extend(next.iter().filter(|next| next.0 - best.area > best.gain));
-        }
-    }
-}
-
-/// The best place so far.
-struct Best {
-    /// Of the node to be moved.
-    area: f64,
-    gain: f64,
-    target: Id,
-}
-
-impl Best {
-    fn offer(&mut self, gain: f64, target: Id) {
-        if gain > self.gain {
-            self.gain = gain;
-            self.target = target;
-        }
-    }
 }
 
 #[cfg(test)]
@@ -324,12 +242,12 @@ mod tests {
             let bounds = boxes(100, seed);
             let tree = ObjectMedian { leaf_max: 1 }.build(&bounds, &Context::default()).unwrap();
             let pairs = taken_apart(tree);
-            let mut search = Search { pairs: &pairs, open: Vec::new() };
+            let mut search = Search::new(&pairs);
             let mut movable = 0;
             for node in ROOT + 1..=pairs.nodes() as Id {
                 let of_node = (ROOT..=pairs.nodes() as Id).filter_map(|to| pairs.gain(node, to));
                 let best = of_node.fold(0.0, f64::max);
-                let found = search.best_place(node).map_or(0.0, |found| found.gain);
+                let found = best_place(&mut search, node).map_or(0.0, |found| found.gain);
                 assert!((best - found).abs() <= best * 1e-9 + 1e-6, "{node}: {best}, {found}");
                 movable += usize::from(best > 0.0);
             }

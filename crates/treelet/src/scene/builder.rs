@@ -2,7 +2,7 @@
 
 use super::assemble;
 use super::{Plan, Quality, Scene, SceneError};
-use crate::build::{Builder, Presplit};
+use crate::build::Builder;
 use crate::context::Context;
 use crate::geometry::Mesh;
 use crate::math::Affine;
@@ -26,12 +26,8 @@ pub enum Invalid {
 pub struct BuildOptions<'a> {
     /// How much time to spend on a tree that is traced faster. Answers do not change.
     pub quality: Quality,
-    /// Splits large triangles before the tree is made, instead of what the quality does; a budget of
-    /// 0 splits nothing.
-    pub presplit: Option<Presplit>,
     /// Makes the tree instead of the quality's own builder: one of [`crate::build::ALL`], or one
-    /// with other options. Nothing is split before it, and no optimiser runs after it, but what is
-    /// asked for here.
+    /// with other options. No optimiser runs after it but those asked for here.
     pub builder: Option<&'a dyn Builder>,
     /// Improve the tree instead of the quality's own optimisers, one after the other: of
     /// [`crate::optimize::ALL`], or with other options.
@@ -53,7 +49,6 @@ impl Default for BuildOptions<'_> {
     fn default() -> Self {
         Self {
             quality: Quality::default(),
-            presplit: None,
             builder: None,
             optimizers: None,
             invalid: Invalid::default(),

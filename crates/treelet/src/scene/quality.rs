@@ -1,11 +1,11 @@
-//! Quality levels: named compositions of splits, a builder and optimisers, as data.
+//! Quality levels: named compositions of a builder and optimisers, as data.
 
 use super::builder::BuildOptions;
 use crate::bounds::Aabb;
-use crate::build::{BinnedSah, BuildError, Builder, Clip, Presplit, SweepSah};
+use crate::build::{BinnedSah, BuildError, Builder, Clip, SplitSah};
 use crate::context::Context;
+use crate::geometry::Mesh;
 use crate::geometry::clip::clipped_bounds;
-use crate::geometry::{Mesh, triangle};
 use crate::optimize::{Optimizer, Reinsertion};
 use crate::tree::Tree;
 use core::fmt;
@@ -59,7 +59,7 @@ impl Quality {
 
     /// What the level is made of.
     pub fn plan(self) -> Plan<'static> {
-        let plain = |builder| Plan { quality: self, presplit: None, builder, optimizers: &[] };
+        let plain = |builder| Plan { quality: self, builder, optimizers: &[] };
         match self {
             Self::Fastest => plain(&BinnedSah { bins: 8, ..BinnedSah::DEFAULT }),
             Self::Fast | Self::Default => plain(&BinnedSah::DEFAULT),
@@ -69,19 +69,17 @@ impl Quality {
             },
             Self::Best => Plan {
                 optimizers: &[&Reinsertion::DEFAULT],
-                ..plain(&SweepSah { leaf_max: 1, ..SweepSah::DEFAULT })
+                ..plain(&SplitSah { leaf_max: 1, ..SplitSah::DEFAULT })
             },
         }
     }
 }
 
-/// What makes a tree: splits, then a builder, then optimisers.
+/// What makes a tree: a builder, then optimisers.
 #[derive(Clone, Copy)]
 pub struct Plan<'a> {
     /// The level that it is, or was made from.
     pub quality: Quality,
-    /// Splits large primitives first.
-    pub presplit: Option<Presplit>,
     /// Makes the tree.
     pub builder: &'a dyn Builder,
     /// Improve it, one after the other.
@@ -93,13 +91,9 @@ impl<'a> Plan<'a> {
     pub(super) fn new(options: &BuildOptions<'a>) -> Self {
         let mut plan: Plan<'a> = options.quality.plan();
         if let Some(builder) = options.builder {
-            plan = Plan { quality: plan.quality, presplit: None, builder, optimizers: &[] };
+            plan = Plan { quality: plan.quality, builder, optimizers: &[] };
         }
-        Self {
-            presplit: options.presplit.or(plan.presplit).filter(|presplit| presplit.budget != 0.0),
-            optimizers: options.optimizers.unwrap_or(plan.optimizers),
-            ..plan
-        }
+        Self { optimizers: options.optimizers.unwrap_or(plan.optimizers), ..plan }
     }
 
     /// The tree over primitives with these boxes.
@@ -113,19 +107,9 @@ impl<'a> Plan<'a> {
         clip: &dyn Clip,
         context: &Context<'_>,
     ) -> Result<Tree, BuildError> {
-        let pieces = match self.presplit {
-            Some(presplit) => presplit.split(bounds, clip, context)?,
-            None => None,
-        };
-        let mut tree = match &pieces {
-            Some(pieces) => self.builder.build(&pieces.bounds, context)?,
-            None => self.builder.build_clipped(bounds, clip, context)?,
-        };
+        let mut tree = self.builder.build_clipped(bounds, clip, context)?;
         for optimizer in self.optimizers {
             tree = optimizer.optimize(tree, context)?;
-        }
-        if let Some(pieces) = pieces {
-            pieces.name_prims(&mut tree, &context.cancel)?;
         }
         Ok(tree)
     }
@@ -133,9 +117,6 @@ impl<'a> Plan<'a> {
 
 impl fmt::Display for Plan<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        if self.presplit.is_some() {
-            write!(f, "{} + ", Presplit::NAME)?;
-        }
         write!(f, "{}", self.builder.info().name)?;
         self.optimizers.iter().try_for_each(|optimizer| write!(f, " + {}", optimizer.info().name))
     }
@@ -161,13 +142,6 @@ impl Clip for Cuttable<'_> {
         match self.corners(prim) {
             Some(corners) => clipped_bounds(&corners, region),
             None => self.bounds[prim as usize].intersection(region),
-        }
-    }
-
-    fn ideal_area(&self, prim: u32) -> f64 {
-        match self.corners(prim) {
-            Some(corners) => triangle::shadows(&corners),
-            None => self.bounds[prim as usize].half_area(),
         }
     }
 }
