@@ -12,8 +12,15 @@ use treelet_testkit::{Shape, awkward, closed};
 const SEED: u64 = 0x5B117;
 
 /// Splits whatever it can.
-const EAGER: SplitSah =
-    SplitSah { leaf_max: 1, bins: 32, visit_cost: 0.0, overlap_min: 0.0, budget: 4.0 };
+const EAGER: SplitSah = SplitSah {
+    leaf_max: 1,
+    bins: 32,
+    visit_cost: 0.0,
+    overlap_min: 0.0,
+    node_overlap_min: 0.0,
+    advantage: 1.0,
+    budget: 4.0,
+};
 
 type Corners = [[f32; 3]; 3];
 

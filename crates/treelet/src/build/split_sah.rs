@@ -74,6 +74,11 @@ pub struct SplitSah {
     /// Cuts through primitives are tried where the children overlap by more than this share of the
     /// scene's area, in `0..=1`.
     pub overlap_min: f32,
+    /// ... and by more than this share of the node's own area, in `0..=1`.
+    pub node_overlap_min: f32,
+    /// A cut through primitives is taken if its cost is below this share of that of the best cut
+    /// between them, in `0..=1`.
+    pub advantage: f32,
     /// Extra references at most, as a share of the primitives, in `0..=4`.
     pub budget: f32,
 }
@@ -81,7 +86,7 @@ pub struct SplitSah {
 impl SplitSah {
     /// Sixteen bins, leaves of up to four, at most half as many references again.
     pub const DEFAULT: Self =
-        Self { leaf_max: 4, bins: 16, visit_cost: 1.0, overlap_min: 1e-5, budget: 0.5 };
+        Self { leaf_max: 4, bins: 16, visit_cost: 1.0, overlap_min: 1e-4, node_overlap_min: 0.1, advantage: 0.95, budget: 0.2 };
 }
 
 impl Builder for SplitSah {
@@ -182,6 +187,8 @@ impl SplitSah {
         check_option("bins", f64::from(self.bins), 2.0..=BINS_MAX as f64, "2..=32")?;
         check_option("visit_cost", f64::from(self.visit_cost), 0.0..=1000.0, "0..=1000")?;
         check_option("overlap_min", f64::from(self.overlap_min), 0.0..=1.0, "0..=1")?;
+        check_option("node_overlap_min", f64::from(self.node_overlap_min), 0.0..=1.0, "0..=1")?;
+        check_option("advantage", f64::from(self.advantage), 0.0..=1.0, "0..=1")?;
         check_option("budget", f64::from(self.budget), 0.0..=4.0, "0..=4")?;
         let count = bounds.len();
         if count > PRIMS_MAX {
@@ -308,9 +315,11 @@ impl Build<'_> {
             let area = range.extent.bounds.half_area();
             let object = self.object_plane(here, &range.extent)?;
             let object_cost = object.as_ref().map_or(f64::INFINITY, |plane| plane.cost);
+            let node_min = f64::from(self.options.node_overlap_min) * area;
+            let limit = f64::from(self.options.advantage) * object_cost;
             let spatial = match &object {
-                Some(plane) if plane.overlap <= self.overlap_min => None,
-                _ => self.spatial_plane(here, range)?.filter(|plane| plane.cost < object_cost),
+                Some(plane) if plane.overlap <= self.overlap_min.max(node_min) => None,
+                _ => self.spatial_plane(here, range)?.filter(|plane| plane.cost < limit),
             };
             let best = spatial.as_ref().map_or(object_cost, |plane| plane.cost);
             let split_pays =
