@@ -23,6 +23,8 @@ pub(crate) struct Session {
     pub(crate) cancel: Cancel,
     /// Threads at work.
     pub(crate) threads: usize,
+    /// Whether somebody asked for that many.
+    pub(crate) threads_asked: bool,
 }
 
 /// What a verb has to report, and how it ended.
@@ -124,7 +126,11 @@ fn start(arguments: Arguments) -> Result<Outcome, Failure> {
         pool = pool.num_threads(threads.get());
     }
     let pool = pool.build()?;
-    let session = Session { cancel: Cancel::new(), threads: pool.current_num_threads() };
+    let session = Session {
+        cancel: Cancel::new(),
+        threads: pool.current_num_threads(),
+        threads_asked: arguments.threads.is_some(),
+    };
     watch_for_interrupts(session.cancel.clone())?;
     pool.install(|| arguments.verb.run(&session))
 }

@@ -35,6 +35,7 @@ pub mod memory;
 pub mod optimize;
 mod query;
 pub mod scene;
+pub mod simd;
 pub mod trace;
 pub mod tree;
 pub mod verify;

@@ -1,7 +1,9 @@
 //! Every builder, every awkward scene, every query: the same bits as brute force.
 
 use treelet::bounds::Aabb;
-use treelet::build::{self, Builder};
+use treelet::build::{self, BinnedSah, Builder};
+use treelet::scene::LayoutChoice;
+use treelet::simd::Level;
 use treelet::verify::{self, BruteForce};
 use treelet::{BuildOptions, Context, Mesh, Scene};
 use treelet_testkit::{Shape, awkward};
@@ -13,8 +15,38 @@ fn mesh(shape: &Shape) -> Mesh {
 }
 
 fn build(shape: &Shape, builder: &dyn Builder) -> Scene {
-    let options = BuildOptions { builder: Some(builder), ..BuildOptions::default() };
+    build_for(shape, builder, Level::best(), None)
+}
+
+fn build_for(
+    shape: &Shape,
+    builder: &dyn Builder,
+    level: Level,
+    layout: Option<LayoutChoice>,
+) -> Scene {
+    let options = BuildOptions { builder: Some(builder), level, layout, ..BuildOptions::default() };
     Scene::builder().mesh(mesh(shape)).build(&options).expect("awkward scenes build")
+}
+
+/// Every instruction set that this processor has, with every layout.
+fn walks() -> impl Iterator<Item = (Level, LayoutChoice)> {
+    let levels = Level::ALL.iter().copied().filter(Level::is_available);
+    levels.flat_map(|level| LayoutChoice::ALL.iter().map(move |&layout| (level, layout)))
+}
+
+#[test]
+fn every_level_and_layout_answers_like_brute_force() {
+    for scene in awkward::all(1000) {
+        for (level, layout) in walks() {
+            let built = build_for(&scene.shape, &BinnedSah::DEFAULT, level, Some(layout));
+            let brute = BruteForce::new(&built);
+            let rays = verify::rays(&built, 600, SEED);
+            if let Err(mismatch) = verify::check_many(&built, &rays, |ray| brute.all(ray)) {
+                let name = level.name();
+                panic!("{}, {name}, {layout:?}, seed {SEED:#x}: {mismatch}", scene.name);
+            }
+        }
+    }
 }
 
 #[test]

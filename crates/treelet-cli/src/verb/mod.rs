@@ -44,6 +44,7 @@ catalogue! {
     render "render" Render,
     inspect "inspect" Inspect,
     verify "verify" Verify,
+    bench "bench" Bench,
     list "list" List,
 }
 

@@ -9,7 +9,7 @@
 //!
 //! **If box A lies inside box B, the interval of A lies inside the interval of B, bit for bit.**
 //! Each bound is a chain `(plane - origin) * reciprocal` of correctly rounded, monotone steps, and
-//! the maximum or minimum of three such bounds. The traversal's promise that no tree shape changes
+//! the maximum or minimum of three such bounds; wide nodes make the same steps, a child a lane. The traversal's promise that no tree shape changes
 //! an answer rests on this property and on nothing else; see `geometry::triangle`.
 //!
 //! Zero directions: the reciprocal is infinite, a plane gives an infinite `t` on the right side, or
@@ -61,75 +61,63 @@ impl Interval {
     }
 }
 
-/// Two boxes side by side: for each axis `lo` and `lo`, then `hi` and `hi`, of both.
-pub type BoxPair = [[f32; 4]; 3];
-
 /// A ray prepared for many boxes.
 ///
 /// Moving the lower planes back by `slack` is measuring them from an origin that is moved forward
 /// by it, and the other way round for the upper planes: whichever of the two the ray meets first.
 #[derive(Clone, Copy, Debug)]
 pub struct SlabRay {
-    /// By axis: what the planes met first are measured from, twice; then those met last.
-    origins: [[f32; 4]; 3],
-    /// By axis: `1 / direction`, twice; then its negative, so that exits are maxima too.
-    reciprocals: [[f32; 4]; 3],
-    /// Whether the ray meets the upper plane first.
-    backward: [bool; 3],
+    /// By axis: what the planes met first are measured from.
+    pub(crate) near: [f32; 3],
+    /// By axis: what the planes met last are measured from.
+    pub(crate) far: [f32; 3],
+    /// By axis: `1 / direction`.
+    pub(crate) reciprocal: [f32; 3],
+    /// By axis: 1 if the ray meets the upper plane first, else 0.
+    pub(crate) backward: [u8; 3],
 }
 
 impl SlabRay {
     /// Prepares `origin + t * direction` for boxes that count as wider by at least `slack >= 0`
     /// on every side.
-    #[inline]
+    #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
         let mut ray =
-            Self { origins: [[0.0; 4]; 3], reciprocals: [[0.0; 4]; 3], backward: [false; 3] };
+            Self { near: [0.0; 3], far: [0.0; 3], reciprocal: [0.0; 3], backward: [0; 3] };
         for axis in 0..3 {
-            // Rounded outward, so that even a slack below the origin's own precision is kept.
-            let above = (origin[axis] + slack).next_up();
-            let below = (origin[axis] - slack).next_down();
+            // The sums below round by half an ulp of the origin; this much more makes that outward,
+            // even for a slack below the origin's own precision.
+            let by = (slack + origin[axis].abs() * f32::EPSILON) * WIDER + f32::MIN_POSITIVE;
+            let (above, below) = (origin[axis] + by, origin[axis] - by);
             let backward = direction[axis].is_sign_negative();
-            let (first, last) = if backward { (below, above) } else { (above, below) };
-            let reciprocal = 1.0 / direction[axis];
-            ray.origins[axis] = [first, first, last, last];
-            ray.reciprocals[axis] = [reciprocal, reciprocal, -reciprocal, -reciprocal];
-            ray.backward[axis] = backward;
+            ray.near[axis] = if backward { below } else { above };
+            ray.far[axis] = if backward { above } else { below };
+            ray.reciprocal[axis] = 1.0 / direction[axis];
+            ray.backward[axis] = u8::from(backward);
         }
         ray
     }
 
     /// Where the ray is in the widened box.
-    #[inline]
-    pub fn interval(&self, bounds: &Aabb) -> Interval {
-        self.intervals(&pair(bounds, bounds))[0]
-    }
-
-    /// Where the ray is in each of two widened boxes.
-    ///
-    /// Four lanes in step, which compilers turn into one instruction each: two entries, and two
-    /// exits negated.
     #[inline(always)]
-    pub fn intervals(&self, boxes: &BoxPair) -> [Interval; 2] {
-        let mut latest = [f32::NEG_INFINITY; 4];
+    pub fn interval(&self, bounds: &Aabb) -> Interval {
+        let mut inside = Interval::ALL;
         for axis in 0..3 {
-            let [a, b, c, d] = boxes[axis];
-            let planes = if self.backward[axis] { [c, d, a, b] } else { [a, b, c, d] };
-            for lane in 0..4 {
-                let t = (planes[lane] - self.origins[axis][lane]) * self.reciprocals[axis][lane];
-                // A comparison that is false for NaN keeps what there is: see the module's head.
-                latest[lane] = if t > latest[lane] { t } else { latest[lane] };
-            }
+            let planes = [bounds.lo[axis], bounds.hi[axis]];
+            let first = planes[usize::from(self.backward[axis] & 1)];
+            let last = planes[usize::from(self.backward[axis] & 1 ^ 1)];
+            let entry = (first - self.near[axis]) * self.reciprocal[axis];
+            let exit = (last - self.far[axis]) * self.reciprocal[axis];
+            // Comparisons that are false for NaN keep what there is: see the module's head.
+            inside.entry = if entry > inside.entry { entry } else { inside.entry };
+            inside.exit = if exit < inside.exit { exit } else { inside.exit };
         }
-        let [left, right, left_exit, right_exit] = latest;
-        [Interval { entry: left, exit: -left_exit }, Interval { entry: right, exit: -right_exit }]
+        inside
     }
 }
 
-/// Two boxes, side by side.
-pub fn pair(left: &Aabb, right: &Aabb) -> BoxPair {
-    core::array::from_fn(|axis| [left.lo[axis], right.lo[axis], left.hi[axis], right.hi[axis]])
-}
+/// `(1 + WIDER's excess)` covers the roundings of the sum and the product that it is part of.
+const WIDER: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 #[cfg(test)]
 mod tests {

@@ -1,5 +1,6 @@
 //! What a ray can hit, and what it answers.
 
+pub(crate) mod block;
 pub mod clip;
 pub mod hit;
 pub mod mesh;

@@ -54,12 +54,14 @@ pub(crate) const SLACK: f32 = 16.0;
 /// A ray prepared for many triangles of one level.
 #[derive(Clone, Copy, Debug)]
 pub struct TriangleRay {
-    origin: [f32; 3],
     /// The axes that become x, y and z; z is where the direction is longest.
-    axes: [usize; 3],
-    /// `direction[x] / direction[z]`, `direction[y] / direction[z]`.
-    shear: [f32; 2],
-    direction_z: f32,
+    pub(super) axes: [u8; 3],
+    /// The origin's coordinates on those axes.
+    pub(super) origin: [f32; 3],
+    /// What x and y change along z: `direction[x] / direction[z]`, `direction[y] / direction[z]`.
+    pub(super) shear: [f32; 2],
+    /// `1 / direction[z]`.
+    pub(super) reciprocal_z: f64,
 }
 
 /// Where the ray meets the triangle's plane, as weights of the corners.
@@ -94,6 +96,9 @@ impl EdgeRule for Closed {
     }
 }
 
+/// The axis after each, and the one after that.
+const NEXT: [u8; 4] = [1, 2, 0, 1];
+
 /// A corner after the shear: the ray is the z axis.
 type Sheared = [f32; 3];
 
@@ -101,14 +106,17 @@ impl TriangleRay {
     /// Prepares a ray whose direction is finite and not zero.
     #[inline]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let z = vec3::largest_axis(direction.map(f32::abs));
-        let (x, y) = ((z + 1) % 3, (z + 2) % 3);
-        let d = direction[z];
+        let [dx, dy, dz] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+        let z = vec3::largest_axis([dx, dy, dz]) as u8;
+        let (x, y) = (NEXT[usize::from(z)], NEXT[usize::from(z) + 1]);
+        let axes = [x, y, z];
+        let pick = |from: &[f32; 3], axis: u8| from[usize::from(axis).min(2)];
+        let d = pick(&direction, z);
         Self {
-            origin,
-            axes: [x, y, z],
-            shear: [direction[x] / d, direction[y] / d],
-            direction_z: d,
+            axes,
+            origin: [pick(&origin, x), pick(&origin, y), pick(&origin, z)],
+            shear: [pick(&direction, x) / d, pick(&direction, y) / d],
+            reciprocal_z: 1.0 / f64::from(d),
         }
     }
 
@@ -156,15 +164,15 @@ impl TriangleRay {
         (range.entry <= meeting.t && meeting.t <= range.exit).then_some(meeting)
     }
 
-    /// The axes, origin and shear: what a test of many triangles side by side needs.
+    /// The axes, the origin on them, and the shear: what a test of many triangles side by side needs.
     pub(crate) fn parts(&self) -> ([usize; 3], [f32; 3], [f32; 2]) {
-        (self.axes, self.origin, self.shear)
+        (self.axes.map(usize::from), self.origin, self.shear)
     }
 
     #[inline(always)]
     fn shear(&self, corner: [f32; 3]) -> Sheared {
-        let moved = vec3::sub(corner, self.origin);
-        let [x, y, z] = [moved[self.axes[0]], moved[self.axes[1]], moved[self.axes[2]]];
+        let moved = |i: usize| corner[usize::from(self.axes[i])] - self.origin[i];
+        let [x, y, z] = [moved(0), moved(1), moved(2)];
         [x - self.shear[0] * z, y - self.shear[1] * z, z]
     }
 
@@ -182,9 +190,10 @@ impl TriangleRay {
         if det == 0.0 || !det.is_finite() {
             return None;
         }
-        let (v, w) = (v / det, w / det);
+        let share = 1.0 / det;
+        let (v, w) = (v * share, w * share);
         let z = a[2] + (v * (b[2] - a[2]) + w * (c[2] - a[2]));
-        let t = (z / f64::from(self.direction_z)) as f32;
+        let t = (z * self.reciprocal_z) as f32;
         Some(Meeting { t, u: v as f32, v: w as f32 })
     }
 }

@@ -1,8 +1,10 @@
 //! Layouts: the packed forms of a tree that a walk reads.
 
-pub mod binary;
+pub(crate) mod collapse;
+pub(crate) mod lower;
+pub mod wide;
 
 use crate::build::Info;
 
 /// Every layout, in the order of the documentation.
-pub static ALL: &[Info] = &[binary::INFO];
+pub static ALL: &[Info] = &[wide::INFO_8, wide::INFO_16];

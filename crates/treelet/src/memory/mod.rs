@@ -1,4 +1,11 @@
-//! Arrays that are owned, shared or lent by somebody else, and sizes that may fail.
+//! Arrays that are owned, shared or lent by somebody else, on huge pages where walks read them;
+//! stacks; sizes that may fail.
+
+mod pages;
+mod stack;
+
+pub(crate) use pages::{Pages, Zeroed};
+pub(crate) use stack::{Room, Stack};
 
 use alloc::sync::Arc;
 use alloc::vec::Vec;

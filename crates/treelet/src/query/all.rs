@@ -1,9 +1,10 @@
 //! Every hit along the ray, each primitive once, in the order of answers.
 
+use super::ask_simply;
 use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{Visitor, walk};
+use crate::trace::walk::{Found, Visitor};
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
 
@@ -12,13 +13,15 @@ struct All<'a> {
     hits: &'a mut Vec<Hit>,
 }
 
-impl Visitor for All<'_> {
+impl<'a> Visitor<'a> for All<'_> {
+    const NEAREST_FIRST: bool = false;
+
     fn t_max(&self) -> f32 {
         self.t_max
     }
 
-    fn hit(&mut self, hit: Hit) -> ControlFlow<()> {
-        self.hits.push(hit);
+    fn hit(&mut self, found: Found<'a>) -> ControlFlow<()> {
+        self.hits.push(found.into());
         ControlFlow::Continue(())
     }
 }
@@ -27,7 +30,7 @@ impl Visitor for All<'_> {
 pub(crate) fn all(structure: &Structure, ray: &Ray, hits: &mut Vec<Hit>) {
     let start = hits.len();
     if ray.is_valid() {
-        walk(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
+        ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
     }
     hits[start..].sort_unstable_by(Hit::cmp_along_ray);
     drop_repeated(hits, start);

@@ -1,10 +1,10 @@
 //! Whether there is a hit at all.
 
-use crate::geometry::Hit;
+use super::{ask, ask_simply};
 use crate::math::Ray;
-use crate::trace::counters::Count;
+use crate::trace::Counters;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{Visitor, walk};
+use crate::trace::walk::{Found, Visitor};
 use core::ops::ControlFlow;
 
 struct Any {
@@ -12,25 +12,36 @@ struct Any {
     found: bool,
 }
 
-impl Visitor for Any {
+impl<'a> Visitor<'a> for Any {
+    const NEAREST_FIRST: bool = false;
+
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.t_max
     }
 
     #[inline(always)]
-    fn hit(&mut self, _: Hit) -> ControlFlow<()> {
+    fn hit(&mut self, _: Found<'a>) -> ControlFlow<()> {
         self.found = true;
         ControlFlow::Break(())
     }
 }
 
-/// The answer, and the work it took.
+/// The answer.
 #[inline]
-pub(crate) fn any<C: Count>(structure: &Structure, ray: &Ray, counters: &mut C) -> bool {
+pub(crate) fn any(structure: &Structure, ray: &Ray) -> bool {
     let mut visitor = Any { t_max: ray.t_max, found: false };
     if ray.is_valid() {
-        walk(structure, ray, &mut visitor, counters);
+        ask(structure, ray, &mut visitor);
+    }
+    visitor.found
+}
+
+/// The answer, and the work it took.
+pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> bool {
+    let mut visitor = Any { t_max: ray.t_max, found: false };
+    if ray.is_valid() {
+        ask_simply(structure, ray, &mut visitor, counters);
     }
     visitor.found
 }

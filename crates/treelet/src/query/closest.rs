@@ -1,40 +1,65 @@
 //! The nearest hit; of hits at the very same `t` the one with the smallest id.
 
+use super::{ask, ask_simply};
 use crate::geometry::Hit;
 use crate::math::Ray;
-use crate::trace::counters::Count;
+use crate::trace::Counters;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{Visitor, walk};
+use crate::trace::walk::{Found, Visitor};
 use core::ops::ControlFlow;
 
-struct Closest {
-    best: Hit,
+/// The answer so far: a miss at the ray's end.
+struct Closest<'a> {
+    t: f32,
+    best: Option<Found<'a>>,
 }
 
-impl Visitor for Closest {
+impl<'a> Visitor<'a> for Closest<'a> {
+    const NEAREST_FIRST: bool = true;
+
     #[inline(always)]
     fn t_max(&self) -> f32 {
-        self.best.t
+        self.t
     }
 
     #[inline(always)]
-    fn hit(&mut self, hit: Hit) -> ControlFlow<()> {
+    fn hit(&mut self, found: Found<'a>) -> ControlFlow<()> {
         // The walk offers only `t <= t_max()`, so only a tie needs a look at the ids.
-        if hit.t < self.best.t || hit.id() < self.best.id() {
-            self.best = hit;
+        let first = self.best.is_none_or(|best| (found.inst, found.id) < (best.inst, best.id));
+        if found.t < self.t || first {
+            self.t = found.t;
+            self.best = Some(found);
         }
         ControlFlow::Continue(())
     }
 }
 
-/// The answer, and the work it took.
+/// The answer.
 #[inline]
-pub(crate) fn closest<C: Count>(structure: &Structure, ray: &Ray, counters: &mut C) -> Option<Hit> {
+pub(crate) fn closest(structure: &Structure, ray: &Ray) -> Option<Hit> {
     if !ray.is_valid() {
         return None;
     }
-    // A miss at the ray's end: any hit there has a smaller id.
-    let mut visitor = Closest { best: Hit { t: ray.t_max, ..Hit::MISS } };
-    walk(structure, ray, &mut visitor, counters);
-    visitor.best.is_hit().then_some(visitor.best)
+    let mut visitor = Closest { t: ray.t_max, best: None };
+    ask(structure, ray, &mut visitor);
+    visitor.best.map(Hit::from)
+}
+
+/// The answer, and the work it took.
+pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> Option<Hit> {
+    if !ray.is_valid() {
+        return None;
+    }
+    let mut visitor = Closest { t: ray.t_max, best: None };
+    ask_simply(structure, ray, &mut visitor, counters);
+    visitor.best.map(Hit::from)
+}
+
+impl From<Found<'_>> for Hit {
+    #[inline]
+    fn from(found: Found<'_>) -> Self {
+        let Found { t, u, v, inst, .. } = found;
+        let (geom, prim) = found.structure.name(found.id);
+        Self { t, u, v, prim, geom, inst }
+    }
 }

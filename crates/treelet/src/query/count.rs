@@ -1,9 +1,9 @@
 //! How many hits there are along the ray.
 
-use crate::geometry::Hit;
+use super::ask_simply;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{Visitor, walk};
+use crate::trace::walk::{Found, Visitor};
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
 
@@ -12,12 +12,14 @@ struct Counting {
     hits: u64,
 }
 
-impl Visitor for Counting {
+impl<'a> Visitor<'a> for Counting {
+    const NEAREST_FIRST: bool = false;
+
     fn t_max(&self) -> f32 {
         self.t_max
     }
 
-    fn hit(&mut self, _: Hit) -> ControlFlow<()> {
+    fn hit(&mut self, _: Found<'a>) -> ControlFlow<()> {
         // Leaves share no primitive here, so each is offered once.
         self.hits += 1;
         ControlFlow::Continue(())
@@ -34,7 +36,7 @@ pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
     }
     let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
     if ray.is_valid() {
-        walk(structure, ray, &mut visitor, &mut ());
+        ask_simply(structure, ray, &mut visitor, &mut ());
     }
     visitor.hits
 }

@@ -1,6 +1,6 @@
 //! From meshes and instances to a level that can be walked: check, box, build, lower, pack.
 
-use super::builder::{BuildOptions, Invalid, SceneBuilder};
+use super::builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 use super::place::{Placements, place_instances};
 use super::quality::Cuttable;
 use super::report::{BuildReport, Skipped};
@@ -11,9 +11,9 @@ use crate::context::clock::Stopwatch;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::{Defect, Mesh};
 use crate::geometry::triangle;
-use crate::layout::binary::{self, Lowered, Node2};
+use crate::layout::lower::{Packed, lower};
 use crate::memory;
-use crate::trace::structure::{Geometry, Instance, PackedTriangle, Structure};
+use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, PRIMS_MAX, Tree};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -58,8 +58,7 @@ pub(super) fn assemble(
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
     report.instances = prims.instances.len() as u64;
-    let lowered = binary::lower(&tree, &prims.bounds, triangles, &options.context.cancel)?;
-    let structure = finish(description.meshes, placements, &prims, &tree, lowered, options)?;
+    let structure = finish(description.meshes, placements, &prims, &tree, options)?;
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();
     Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
@@ -149,57 +148,69 @@ fn check(geom: usize, mesh: &Mesh, range: core::ops::Range<usize>) -> Checked {
     out
 }
 
-/// Packs the leaves' contents and derives what walks need to know about the level.
+/// Lowers the tree and derives what walks need to know about the level.
 fn finish(
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
     prims: &Prims,
     tree: &Tree,
-    lowered: Lowered,
     options: &BuildOptions<'_>,
 ) -> Result<Structure, SceneError> {
-    let triangles = pack(&meshes, prims, &lowered.triangles, options)?;
-    let leaf_instances = lowered.instances.iter().map(|&at| prims.instances[at as usize]).collect();
-
     let Placements { instances, reach, slack, paths } = placements;
+    let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;
+    let geometries: Vec<_> =
+        meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect();
+    let mut first_ids = Vec::with_capacity(geometries.len());
+    let mut id = 0_u32;
+    for geometry in &geometries {
+        first_ids.push(id);
+        let count = geometry.mesh.triangles().len();
+        let next = u32::try_from(count).ok().and_then(|count| id.checked_add(count));
+        id = next.ok_or(BuildError::TooManyPrims { prims: u64::from(id) + count as u64 })?;
+    }
+
+    let triangle = |at: u32| {
+        let (geom, prim) = prims.names[at as usize];
+        let corners = geometries[geom as usize].mesh.corners(prim as usize);
+        // Only triangles without a defect have a name here.
+        Packed { corners: corners.unwrap_or_default(), id: first_ids[geom as usize] + prim }
+    };
+    let triangles = prims.names.len();
+    let cancel = &options.context.cancel;
+    let (layout, order) = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
+        LayoutChoice::Wide8 => {
+            let lowered = lower::<8>(tree, &prims.bounds, triangles, &triangle, cancel)?;
+            (Layout::Wide8(lowered.wide), lowered.instances)
+        }
+        LayoutChoice::Wide16 => {
+            let lowered = lower::<16>(tree, &prims.bounds, triangles, &triangle, cancel)?;
+            (Layout::Wide16(lowered.wide), lowered.instances)
+        }
+    };
+    for (at, instance) in instances.iter().enumerate() {
+        if instance.structure.layout.width() != layout.width() {
+            return Err(SceneError::MixedLayouts { instance: at });
+        }
+    }
+    let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
+
     let repeats = tree.prims.len() > prims.bounds.len()
         || instances.iter().any(|instance| instance.structure.repeats);
     Ok(Structure {
         repeats,
-        geometries: meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect(),
+        level,
+        unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
+        geometries,
+        first_ids,
         instances,
-        layout: lowered.layout,
-        triangles,
+        layout,
+        bounds: tree.bounds(),
         leaf_instances,
         cover: cover(tree),
         reach,
         slack,
         paths,
     })
-}
-
-fn pack(
-    meshes: &[(Mesh, u32)],
-    prims: &Prims,
-    order: &[u32],
-    options: &BuildOptions<'_>,
-) -> Result<Vec<PackedTriangle>, SceneError> {
-    let empty = PackedTriangle { corners: [[0.0; 3]; 3], geom: 0, prim: 0 };
-    let mut triangles = memory::try_filled(empty, order.len(), "packed triangles")?;
-    parallel::zip_chunks_mut(order, &mut triangles, CHUNK, |order, out| {
-        if options.context.cancel.is_cancelled() {
-            return;
-        }
-        for (&at, out) in order.iter().zip(out) {
-            let (geom, prim) = prims.names[at as usize];
-            // Only triangles without a defect have a name here.
-            if let Some(corners) = meshes[geom as usize].0.corners(prim as usize) {
-                *out = PackedTriangle { corners, geom, prim };
-            }
-        }
-    });
-    options.context.cancel.check()?;
-    Ok(triangles)
 }
 
 /// A few boxes of the tree that together contain everything: the largest is opened, again and
@@ -224,8 +235,7 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let bytes = size_of::<Node2>() * level.layout.nodes.len()
-        + size_of::<PackedTriangle>() * level.triangles.len()
+    let bytes = level.layout.bytes()
         + size_of::<Instance>() * level.instances.len()
         + size_of::<u32>() * level.leaf_instances.len();
     bytes as u64

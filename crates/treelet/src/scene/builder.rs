@@ -7,6 +7,7 @@ use crate::context::Context;
 use crate::geometry::Mesh;
 use crate::math::Affine;
 use crate::optimize::Optimizer;
+use crate::simd::Level;
 use crate::trace::structure::Structure;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -19,6 +20,30 @@ pub enum Invalid {
     /// Leave them out, and count them in the report. Numbers of the others stay as they are.
     #[default]
     Skip,
+}
+
+/// A packed form: one of [`crate::layout::ALL`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LayoutChoice {
+    /// [`crate::layout::wide::INFO_8`].
+    Wide8,
+    /// [`crate::layout::wide::INFO_16`].
+    Wide16,
+}
+
+impl LayoutChoice {
+    /// Every layout, in the catalogue's order.
+    pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16];
+
+    /// 16 children fill the vectors of AVX-512, 8 those of AVX2; with narrower vectors, fewer boxes
+    /// that are tested in vain count for more than fewer visits.
+    pub fn best_for(level: Level) -> Self {
+        match level {
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => Self::Wide16,
+            _ => Self::Wide8,
+        }
+    }
 }
 
 /// How a scene is built.
@@ -34,6 +59,12 @@ pub struct BuildOptions<'a> {
     pub optimizers: Option<&'a [&'a dyn Optimizer]>,
     /// What to do with input that cannot be used.
     pub invalid: Invalid,
+    /// The instructions that walk the scene; the best that this processor has by default. All give
+    /// the same answers.
+    pub level: Level,
+    /// The packed form of the tree; by default what is best for `level`. A scene and those placed
+    /// into it must agree.
+    pub layout: Option<LayoutChoice>,
     /// Cancels and watches the build.
     pub context: Context<'a>,
 }
@@ -52,6 +83,8 @@ impl Default for BuildOptions<'_> {
             builder: None,
             optimizers: None,
             invalid: Invalid::default(),
+            level: Level::best(),
+            layout: None,
             context: Context::default(),
         }
     }

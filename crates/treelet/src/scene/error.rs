@@ -4,6 +4,7 @@ use crate::build::BuildError;
 use crate::context::Cancelled;
 use crate::geometry::Defect;
 use crate::memory::OutOfMemory;
+use crate::simd::Level;
 
 /// Why there is no scene.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
@@ -30,6 +31,20 @@ pub enum SceneError {
     /// Instances multiply to more paths than `Hit::inst` can name.
     #[error("the instances of instances make more than 2^64 paths; flatten some levels")]
     TooManyPaths,
+    /// The chosen instructions are not there.
+    #[error("this processor has no {}; choose a level that `Level::is_available`", level.name())]
+    Level {
+        /// What was asked for.
+        level: Level,
+    },
+    /// A scene was placed into one of another layout, which one walk cannot enter.
+    #[error(
+        "instance {instance} is of a scene with another layout; build both with the same `layout`"
+    )]
+    MixedLayouts {
+        /// Which instance of the scene.
+        instance: usize,
+    },
     /// No tree could be built.
     #[error(transparent)]
     Build(#[from] BuildError),

@@ -8,7 +8,7 @@ mod quality;
 mod report;
 mod slices;
 
-pub use builder::{BuildOptions, Invalid, SceneBuilder};
+pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
 pub use report::{BuildReport, Skipped};
@@ -61,22 +61,22 @@ impl Scene {
     /// Source of the walk: T. Kay and J. Kajiya, "Ray Tracing Complex Scenes", SIGGRAPH 1986, with
     /// both child boxes tested at their parent.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
-        query::closest::closest(&self.structure, ray, &mut ())
+        query::closest::closest(&self.structure, ray)
     }
 
     /// [`Scene::closest`], adding what the walk did to `counters`.
     pub fn closest_counted(&self, ray: &Ray, counters: &mut Counters) -> Option<Hit> {
-        query::closest::closest(&self.structure, ray, counters)
+        query::closest::counted(&self.structure, ray, counters)
     }
 
     /// Whether the ray meets anything: the cheaper question for shadows.
     pub fn any(&self, ray: &Ray) -> bool {
-        query::any::any(&self.structure, ray, &mut ())
+        query::any::any(&self.structure, ray)
     }
 
     /// [`Scene::any`], adding what the walk did to `counters`.
     pub fn any_counted(&self, ray: &Ray, counters: &mut Counters) -> bool {
-        query::any::any(&self.structure, ray, counters)
+        query::any::counted(&self.structure, ray, counters)
     }
 
     /// How many triangles the ray meets: the length of [`Scene::all`].
@@ -98,7 +98,7 @@ impl Scene {
     ///
     /// Exact for meshes, conservative for instances.
     pub fn bounds(&self) -> Aabb {
-        self.structure.layout.bounds
+        self.structure.bounds
     }
 
     /// What building this scene found and made; scenes inside instances have their own.

@@ -51,7 +51,7 @@ pub(super) fn place_instances(
         let (placed, place) = located?;
         let place = place.or_else(|defect| skip(index, defect, options, report))?;
         reach = reach.union(&place.reach);
-        report.empty_instances += u64::from(placed.structure.layout.bounds.is_empty());
+        report.empty_instances += u64::from(placed.structure.bounds.is_empty());
         places.push((placed, place));
     }
 
@@ -137,7 +137,7 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     if largest(&there) > SCALE_MAX || largest(&exact) > SCALE_MAX {
         return Err(InstanceDefect::Scale { rows });
     }
-    if placed.structure.layout.bounds.is_empty() {
+    if placed.structure.bounds.is_empty() {
         return Ok(Place { object_from_world, exact, ..Place::NOWHERE });
     }
     let image = |bounds: &Aabb| {

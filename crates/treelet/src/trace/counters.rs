@@ -3,7 +3,7 @@
 /// Work of one or many walks. Counts may differ between layouts and builders; answers do not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Inner nodes entered: each tests both its children's boxes.
+    /// Inner nodes entered: each tests the boxes of all its children at once.
     pub nodes: u64,
     /// Children not entered because the ray misses their box.
     pub culled_by_box: u64,
@@ -31,24 +31,29 @@ impl core::ops::AddAssign for Counters {
 
 /// What a walk reports to. The unit type reports to nobody and costs nothing.
 pub(crate) trait Count {
+    /// Whether anybody listens.
+    const LISTENS: bool;
     fn node(&mut self) {}
-    fn box_cull(&mut self) {}
-    fn t_cull(&mut self) {}
+    fn box_culls(&mut self, _children: u32) {}
+    fn t_culls(&mut self, _children: u32) {}
     fn leaf(&mut self, _triangles: usize) {}
     fn instance(&mut self) {}
 }
 
-impl Count for () {}
+impl Count for () {
+    const LISTENS: bool = false;
+}
 
 impl Count for Counters {
+    const LISTENS: bool = true;
     fn node(&mut self) {
         self.nodes += 1;
     }
-    fn box_cull(&mut self) {
-        self.culled_by_box += 1;
+    fn box_culls(&mut self, children: u32) {
+        self.culled_by_box += u64::from(children);
     }
-    fn t_cull(&mut self) {
-        self.culled_by_t += 1;
+    fn t_culls(&mut self, children: u32) {
+        self.culled_by_t += u64::from(children);
     }
     fn leaf(&mut self, triangles: usize) {
         self.leaves += 1;

@@ -3,7 +3,6 @@
 pub mod counters;
 pub(crate) mod prepared;
 pub(crate) mod slack;
-mod stack;
 pub(crate) mod structure;
 pub(crate) mod walk;
 

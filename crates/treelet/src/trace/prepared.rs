@@ -18,7 +18,7 @@ pub(crate) struct Prepared {
 
 impl Prepared {
     /// The ray on the outermost level.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn new(ray: &Ray, structure: &Structure) -> Self {
         Self::on_level(ray.origin, ray.direction, Interval::ALL, structure)
     }
@@ -26,7 +26,7 @@ impl Prepared {
     /// The ray as the inside of an instance sees it, with the same `t`.
     ///
     /// `None` if its direction leaves the range in which rays are answered (see [`Ray::is_valid`]).
-    #[inline]
+    #[inline(always)]
     pub(crate) fn enter(
         &self,
         object_from_world: &Affine,

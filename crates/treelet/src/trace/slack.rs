@@ -118,7 +118,7 @@ impl Slack {
 
     /// The widening of the level's boxes for rays from `origin`. The few roundings here are far
     /// below the margin that the derivation leaves (16 taken where 9 are needed).
-    #[inline]
+    #[inline(always)]
     pub(crate) fn at(&self, origin: [f32; 3], reach: &Aabb) -> f32 {
         let to_lo = vec3::max_abs(vec3::sub(reach.lo, origin));
         let to_hi = vec3::max_abs(vec3::sub(reach.hi, origin));

@@ -3,18 +3,63 @@
 use super::slack::Slack;
 use crate::bounds::Aabb;
 use crate::geometry::Mesh;
-use crate::layout::binary::Binary;
+use crate::layout::wide::Wide;
 use crate::math::Affine;
+use crate::simd::Checked;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
-/// A triangle as leaves store it: corners and names, 44 bytes.
-#[derive(Clone, Copy, Debug)]
-#[repr(C)]
-pub(crate) struct PackedTriangle {
-    pub(crate) corners: [[f32; 3]; 3],
-    pub(crate) geom: u32,
-    pub(crate) prim: u32,
+/// The packed tree of a level.
+#[derive(Debug)]
+pub(crate) enum Layout {
+    Wide8(Wide<8>),
+    Wide16(Wide<16>),
+}
+
+/// The layout as the walk of one width sees it.
+pub(crate) trait Get<const W: usize> {
+    /// `None` if the layout is another one.
+    fn get(&self) -> Option<&Wide<W>>;
+}
+
+impl Get<8> for Layout {
+    #[inline(always)]
+    fn get(&self) -> Option<&Wide<8>> {
+        if let Self::Wide8(wide) = self { Some(wide) } else { None }
+    }
+}
+
+impl Get<16> for Layout {
+    #[inline(always)]
+    fn get(&self) -> Option<&Wide<16>> {
+        if let Self::Wide16(wide) = self { Some(wide) } else { None }
+    }
+}
+
+impl Layout {
+    /// Children of a node, at most.
+    pub(crate) fn width(&self) -> usize {
+        match self {
+            Self::Wide8(_) => 8,
+            Self::Wide16(_) => 16,
+        }
+    }
+
+    /// Bytes that walks read.
+    pub(crate) fn bytes(&self) -> usize {
+        match self {
+            Self::Wide8(wide) => wide.bytes(),
+            Self::Wide16(wide) => wide.bytes(),
+        }
+    }
+
+    /// Triangles in leaves: entries from here on are instances.
+    pub(crate) fn triangles(&self) -> usize {
+        match self {
+            Self::Wide8(wide) => wide.triangles,
+            Self::Wide16(wide) => wide.triangles,
+        }
+    }
 }
 
 /// Another level, placed into this one.
@@ -43,12 +88,18 @@ pub(crate) struct Geometry {
 
 /// One level: a tree whose leaves hold triangles and instances.
 pub(crate) struct Structure {
+    /// The instructions that walk it.
+    pub(crate) level: Checked,
     pub(crate) geometries: Vec<Geometry>,
+    /// For each geometry, the id of its first triangle: ids number the triangles of all of them.
+    pub(crate) first_ids: Vec<u32>,
+    /// Whether every ray sees all geometries.
+    pub(crate) unmasked: bool,
     /// In the caller's order.
     pub(crate) instances: Vec<Instance>,
-    pub(crate) layout: Binary,
-    /// In the order of the leaves.
-    pub(crate) triangles: Vec<PackedTriangle>,
+    pub(crate) layout: Layout,
+    /// Around everything.
+    pub(crate) bounds: Aabb,
     /// Indices of instances, in the order of the leaves.
     pub(crate) leaf_instances: Vec<u32>,
     /// A few boxes that together contain everything: tighter than one when they are transformed.
@@ -62,15 +113,40 @@ pub(crate) struct Structure {
     pub(crate) paths: u64,
 }
 
+impl Structure {
+    /// The geometry and the triangle in it that an id names.
+    #[inline]
+    pub(crate) fn name(&self, id: u32) -> (u32, u32) {
+        let geom = match self.first_ids.as_slice() {
+            [] | [_] => 0,
+            firsts => firsts.partition_point(|&first| first <= id).saturating_sub(1),
+        };
+        (geom as u32, id - self.first_ids.get(geom).copied().unwrap_or(0))
+    }
+
+    /// Whether a ray with this mask sees the triangle.
+    #[inline(always)]
+    pub(crate) fn sees(&self, id: u32, mask: u32) -> bool {
+        (self.unmasked && mask != 0) || self.sees_geometry(id, mask)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn sees_geometry(&self, id: u32, mask: u32) -> bool {
+        let (geom, _) = self.name(id);
+        self.geometries[geom as usize].mask & mask != 0
+    }
+}
+
 /// Numbers only: levels inside may be nested too deeply, and too many, to be written out.
 impl core::fmt::Debug for Structure {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Structure")
             .field("geometries", &self.geometries.len())
-            .field("triangles", &self.triangles.len())
+            .field("triangles", &self.layout.triangles())
             .field("instances", &self.instances.len())
             .field("paths", &self.paths)
-            .field("bounds", &self.layout.bounds)
+            .field("bounds", &self.bounds)
             .finish()
     }
 }

@@ -181,10 +181,10 @@ impl Block {
     fn shear(&self, corner: usize, ray: &TriangleRay) -> ([f32; LANES], [f32; LANES]) {
         let ([x, y, z], origin, shear) = ray.parts();
         let corner = &self.corners[corner];
-        let moved_z: [f32; LANES] = corner[z].map(|c| c - origin[z]);
-        let sheared = |axis: usize, share: f32| {
-            core::array::from_fn(|l| (corner[axis][l] - origin[axis]) - share * moved_z[l])
+        let moved_z: [f32; LANES] = corner[z].map(|c| c - origin[2]);
+        let sheared = |axis: usize, origin: f32, share: f32| {
+            core::array::from_fn(|l| (corner[axis][l] - origin) - share * moved_z[l])
         };
-        (sheared(x, shear[0]), sheared(y, shear[1]))
+        (sheared(x, origin[0], shear[0]), sheared(y, origin[1], shear[1]))
     }
 }

@@ -1,0 +1,246 @@
+//! Embree 4, the yardstick: a shared library loaded at run time.
+//!
+//! Source: I. Wald, S. Woop, C. Benthin, G. S. Johnson, M. Ernst, "Embree: A Kernel Framework for
+//! Efficient CPU Ray Tracing", ACM Transactions on Graphics 33(4), 2014; its API by the manual of
+//! version 4.4.
+//!
+//! How it is set up: `threads=N,set_affinity=0`, huge pages as the bench was told, static scenes of
+//! one triangle geometry over the caller's own arrays. LOW is asked of scene and geometry (the
+//! Morton builder needs both), MEDIUM and HIGH of the scene. Not robust unless the variant says so.
+//! Flush-to-zero is left off, as for everybody.
+//!
+//! This folder holds the only unsafe code outside the library: a C interface has no other way.
+#![allow(unsafe_code, reason = "Embree is a C library; every call of it is unsafe")]
+
+mod device;
+mod interface;
+mod library;
+mod passes;
+
+pub use library::VARIABLE;
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use device::Device;
+use interface::{
+    BUFFER_INDEX, BUFFER_VERTEX, FORMAT_FLOAT3, FORMAT_UINT3, Functions, GEOMETRY_TRIANGLE, Handle,
+    SCENE_COMPACT, SCENE_NONE, SCENE_ROBUST,
+};
+use treelet::Ray;
+
+use crate::engine::{
+    Built, Bytes, Call, Engine, EngineError, Pass, Question, Threading, Triangles,
+};
+
+/// The name in reports.
+pub const NAME: &str = "embree";
+
+/// `RTCBuildQuality`, by its place.
+const QUALITIES: [&str; 3] = ["LOW", "MEDIUM", "HIGH"];
+
+/// What a variant's name may end with, and the scene flag it stands for.
+const FLAVOURS: [(&str, i32); 3] =
+    [("", SCENE_NONE), (" robust", SCENE_ROBUST), (" compact", SCENE_COMPACT)];
+
+/// How Embree is wanted.
+#[derive(Clone, Debug, Default)]
+pub struct Wishes {
+    /// The library, or a folder that it is in; `None` looks in the environment and near the program.
+    pub library: Option<PathBuf>,
+    /// `isa=`: an instruction set instead of Embree's own choice.
+    pub isa: Option<String>,
+    /// Whether to use huge pages.
+    pub huge_pages: bool,
+}
+
+/// The engine.
+pub struct Embree {
+    functions: Functions,
+    configuration: String,
+    version: String,
+    device: Option<Arc<Device>>,
+}
+
+impl Embree {
+    /// Loads the library and asks it who it is.
+    ///
+    /// # Errors
+    ///
+    /// There is no library, it is not Embree 4, or it does not run here.
+    pub fn load(wishes: &Wishes) -> Result<Self, EngineError> {
+        let (_, functions) = library::load(wishes.library.as_deref())?;
+        let mut configuration = format!("set_affinity=0,hugepages={}", u8::from(wishes.huge_pages));
+        if let Some(isa) = &wishes.isa {
+            configuration += &format!(",isa={isa}");
+        }
+        let number = Device::new(functions, &format!("threads=1,{configuration}"))?.version();
+        let isa = device::instruction_set(functions, &format!("threads=1,{configuration}"));
+        let isa = isa.unwrap_or_else(|| "instruction set not told".to_owned());
+        let version = format!("{number} ({isa})");
+        Ok(Self { functions, configuration, version, device: None })
+    }
+}
+
+impl Engine for Embree {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn version(&self) -> String {
+        self.version.clone()
+    }
+
+    fn variants(&self) -> Vec<String> {
+        let names =
+            |(flavour, _): &(&str, i32)| QUALITIES.map(|quality| format!("{quality}{flavour}"));
+        FLAVOURS.iter().flat_map(names).collect()
+    }
+
+    fn usual_variants(&self) -> Vec<String> {
+        QUALITIES.map(str::to_owned).to_vec()
+    }
+
+    /// Packets are for the tree that is made to be traced.
+    fn is_usual(&self, variant: &str, call: Call) -> bool {
+        call == Call::ONE || variant.starts_with("HIGH")
+    }
+
+    fn threading(&self) -> Threading {
+        Threading::Own
+    }
+
+    fn prepare(&mut self, threads: usize) -> Result<(), EngineError> {
+        self.device = None;
+        let configuration = format!("threads={threads},{}", self.configuration);
+        self.device = Some(Arc::new(Device::new(self.functions, &configuration)?));
+        Ok(())
+    }
+
+    fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
+        let refused = |what: &str| EngineError::Refused(what.to_owned());
+        let device = self.device.as_ref().ok_or_else(|| refused("no device was prepared"))?;
+        let (quality, flags) =
+            parse(variant).ok_or_else(|| refused(&format!("Embree has no variant `{variant}`")))?;
+        let scene = Scene::build(Arc::clone(device), quality, flags, triangles)?;
+        Ok(Box::new(scene))
+    }
+}
+
+/// The build quality and scene flags behind a variant's name.
+fn parse(variant: &str) -> Option<(i32, i32)> {
+    let (quality, rest) = (0..)
+        .zip(QUALITIES)
+        .find_map(|(value, name)| Some((value, variant.strip_prefix(name)?)))?;
+    let flags = FLAVOURS.iter().find(|(name, _)| *name == rest)?.1;
+    Some((quality, flags))
+}
+
+/// A committed scene.
+struct Scene {
+    device: Arc<Device>,
+    handle: Handle,
+    /// Embree reads the arrays whenever it likes.
+    triangles: Triangles,
+    bytes: u64,
+}
+
+// SAFETY: a committed scene may be traced from every thread (Embree's manual).
+unsafe impl Send for Scene {}
+// SAFETY: as above.
+unsafe impl Sync for Scene {}
+
+impl Scene {
+    fn build(
+        device: Arc<Device>,
+        quality: i32,
+        flags: i32,
+        triangles: &Triangles,
+    ) -> Result<Self, EngineError> {
+        /// `RTC_BUILD_QUALITY_LOW`.
+        const LOW: i32 = 0;
+        let before = device.bytes();
+        let functions = device.functions;
+        let (positions, indices) = (&triangles.positions, &triangles.indices);
+
+        // SAFETY: all handles are live; the arrays are kept alive by `Scene::triangles`, items are
+        // 12 bytes apart in both, and Embree reads the last vertex with 16-byte loads only where its
+        // manual says that it pads: it asks for that, so the positions that come here have a spare
+        // vertex at their end (`Triangles` made by `flatten`).
+        let handle = unsafe {
+            let geometry = (functions.new_geometry)(device.handle, GEOMETRY_TRIANGLE);
+            (functions.set_shared_buffer)(
+                geometry,
+                BUFFER_VERTEX,
+                0,
+                FORMAT_FLOAT3,
+                positions.as_ptr().cast(),
+                0,
+                12,
+                positions.len(),
+            );
+            (functions.set_shared_buffer)(
+                geometry,
+                BUFFER_INDEX,
+                0,
+                FORMAT_UINT3,
+                indices.as_ptr().cast(),
+                0,
+                12,
+                indices.len(),
+            );
+            if quality == LOW {
+                (functions.set_geometry_quality)(geometry, quality);
+            }
+            (functions.commit_geometry)(geometry);
+            let handle = (functions.new_scene)(device.handle);
+            (functions.set_scene_flags)(handle, flags);
+            (functions.set_scene_quality)(handle, quality);
+            (functions.attach_geometry)(handle, geometry);
+            (functions.release_geometry)(geometry);
+            (functions.commit_scene)(handle);
+            handle
+        };
+        let bytes = u64::try_from(device.bytes() - before).unwrap_or(0);
+        // Made before the check, so that a refused scene is released too.
+        let scene = Self { device, handle, triangles: triangles.clone(), bytes };
+        scene.device.check("building")?;
+        Ok(scene)
+    }
+}
+
+impl Drop for Scene {
+    fn drop(&mut self) {
+        // SAFETY: the handle is live, and no pass borrows the scene any more.
+        unsafe { (self.device.functions.release_scene)(self.handle) }
+    }
+}
+
+impl Built for Scene {
+    fn bytes(&self) -> Bytes {
+        Bytes { own: self.bytes, shared: self.triangles.bytes() }
+    }
+
+    fn calls(&self) -> Vec<Call> {
+        let widths = [Call::ONE, Call::packets(8), Call::packets(16)];
+        widths.into_iter().chain(widths[1..].iter().map(|call| call.coherent())).collect()
+    }
+
+    fn pass<'a>(&'a self, call: Call, question: Question, rays: &'a [Ray]) -> Box<dyn Pass + 'a> {
+        passes::pass(self.device.functions, self.handle, call, question, rays)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{SCENE_COMPACT, SCENE_NONE, SCENE_ROBUST, parse};
+
+    #[test]
+    fn variants_have_a_quality_and_perhaps_a_flag() {
+        assert_eq!(parse("LOW"), Some((0, SCENE_NONE)));
+        assert_eq!(parse("MEDIUM robust"), Some((1, SCENE_ROBUST)));
+        assert_eq!(parse("HIGH compact"), Some((2, SCENE_COMPACT)));
+        assert_eq!(parse("HIGH fast"), None);
+        assert_eq!(parse("binned-sah"), None);
+    }
+}

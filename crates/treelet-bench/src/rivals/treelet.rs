@@ -1,0 +1,150 @@
+//! treelet itself, as its users call it.
+//!
+//! The single-ray calls go through a function that is never inlined, so that a loop over rays gains
+//! nothing that a renderer's code would not.
+
+use treelet::build;
+use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
+
+use crate::engine::{
+    Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
+};
+
+/// The engine.
+#[derive(Debug)]
+pub struct Treelet;
+
+/// The name in reports.
+pub const NAME: &str = "treelet";
+
+/// The variant that users get without asking.
+pub fn default_variant() -> &'static str {
+    Quality::default().name()
+}
+
+impl Engine for Treelet {
+    fn name(&self) -> &'static str {
+        NAME
+    }
+
+    fn version(&self) -> String {
+        env!("CARGO_PKG_VERSION").to_owned()
+    }
+
+    fn variants(&self) -> Vec<String> {
+        let builders = build::ALL.iter().map(|builder| builder.info().name);
+        Quality::ALL.map(Quality::name).into_iter().chain(builders).map(str::to_owned).collect()
+    }
+
+    fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
+        let scene = scene(variant, triangles)?;
+        Ok(Box::new(TreeletScene { scene, shared: triangles.bytes() }))
+    }
+}
+
+/// A scene of these triangles by the quality level or the builder of that name.
+pub(crate) fn scene(variant: &str, triangles: &Triangles) -> Result<Scene, EngineError> {
+    let mut options = BuildOptions::default();
+    match Quality::by_name(variant) {
+        Some(quality) => options.quality = quality,
+        None => {
+            let missing = || EngineError::Missing(format!("treelet has no builder `{variant}`"));
+            options.builder = Some(build::by_name(variant).ok_or_else(missing)?);
+        }
+    }
+    let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
+    let scene = Scene::builder().mesh(mesh).build(&options);
+    scene.map_err(|error| EngineError::Refused(error.to_string()))
+}
+
+/// A scene, and what it shares with its caller.
+struct TreeletScene {
+    scene: Scene,
+    shared: u64,
+}
+
+impl Built for TreeletScene {
+    fn bytes(&self) -> Bytes {
+        Bytes { own: self.scene.trace_bytes(), shared: self.shared }
+    }
+
+    fn calls(&self) -> Vec<Call> {
+        vec![Call::ONE, Call::SLICES]
+    }
+
+    fn pass<'a>(&'a self, call: Call, question: Question, rays: &'a [Ray]) -> Box<dyn Pass + 'a> {
+        let scene = &self.scene;
+        match question {
+            Question::Closest => {
+                let hits = vec![Hit::MISS; rays.len()];
+                Box::new(ClosestPass { scene, call, rays, hits })
+            }
+            Question::Any => {
+                let answers = vec![false; rays.len()];
+                Box::new(AnyPass { scene, call, rays, answers })
+            }
+        }
+    }
+}
+
+struct ClosestPass<'a> {
+    scene: &'a Scene,
+    call: Call,
+    rays: &'a [Ray],
+    hits: Vec<Hit>,
+}
+
+/// A user's call: never part of the loop around it.
+#[inline(never)]
+fn closest(scene: &Scene, ray: &Ray) -> Hit {
+    scene.closest(ray).unwrap_or(Hit::MISS)
+}
+
+/// A user's call: never part of the loop around it.
+#[inline(never)]
+fn any(scene: &Scene, ray: &Ray) -> bool {
+    scene.any(ray)
+}
+
+impl Pass for ClosestPass<'_> {
+    fn trace(&mut self) {
+        match self.call.api {
+            Api::One => {
+                for (ray, hit) in self.rays.iter().zip(&mut self.hits) {
+                    *hit = closest(self.scene, ray);
+                }
+            }
+            // The lengths are the same, so nothing is refused.
+            Api::Many => drop(self.scene.closest_many(self.rays, &mut self.hits)),
+        }
+    }
+
+    fn answers(&self, answers: &mut Vec<Answer>) {
+        answers.extend(self.hits.iter().map(|hit| Answer { t: hit.t, prim: hit.prim }));
+    }
+}
+
+struct AnyPass<'a> {
+    scene: &'a Scene,
+    call: Call,
+    rays: &'a [Ray],
+    answers: Vec<bool>,
+}
+
+impl Pass for AnyPass<'_> {
+    fn trace(&mut self) {
+        match self.call.api {
+            Api::One => {
+                for (ray, answer) in self.rays.iter().zip(&mut self.answers) {
+                    *answer = any(self.scene, ray);
+                }
+            }
+            // The lengths are the same, so nothing is refused.
+            Api::Many => drop(self.scene.any_many(self.rays, &mut self.answers)),
+        }
+    }
+
+    fn answers(&self, answers: &mut Vec<Answer>) {
+        answers.extend(self.answers.iter().map(|&hit| Answer::any(hit)));
+    }
+}

@@ -1,0 +1,123 @@
+//! The report as people read it: lines of text.
+
+use std::fmt::Write as _;
+
+use crate::engine::Api;
+use crate::marks::{Mark, Standing};
+use crate::rays::Kind;
+use crate::report::{Build, Order, SceneLine, Trace};
+use crate::rivals::treelet as ours;
+
+/// What one scene gave, in tables.
+pub fn scene(scene: &SceneLine, builds: &[Build], traces: &[Trace]) -> Vec<String> {
+    let mut lines = vec![format!(
+        "\n{}: {} triangles; {:.1} % of primary rays hit; {} rays as by brute force",
+        scene.scene,
+        scene.triangles,
+        100.0 * scene.hit_rate,
+        scene.rays_by_brute_force
+    )];
+    lines.extend(build_table(builds));
+    for kind in Kind::ALL {
+        for order in [Order::Given, Order::Shuffled] {
+            let mut threads: Vec<usize> = traces.iter().map(|trace| trace.threads).collect();
+            threads.dedup();
+            for threads in threads {
+                let group: Vec<&Trace> = traces
+                    .iter()
+                    .filter(|t| t.kind == kind && t.order == order && t.threads == threads)
+                    .collect();
+                lines.extend(trace_table(&group, kind, order, threads));
+            }
+        }
+    }
+    lines
+}
+
+/// Builds: how fast, how large.
+fn build_table(builds: &[Build]) -> Vec<String> {
+    let mut lines = vec![format!(
+        "  {:26} {:>7} {:>8} {:>8} {:>10} {:>8}",
+        "build", "threads", "Mtris/s", "B/tri", "of callers", "peak"
+    )];
+    for build in builds {
+        let peak = build.peak_bytes_per_tri.map_or("-".to_owned(), |peak| format!("{peak:.1}"));
+        lines.push(format!(
+            "  {:26} {:>7} {:>8.2} {:>8.1} {:>10.1} {:>8}",
+            format!("{} {}", build.engine, build.variant),
+            build.threads,
+            build.mtris_per_s,
+            build.bytes_per_tri,
+            build.shared_bytes_per_tri,
+            peak,
+        ));
+    }
+    lines
+}
+
+/// Traces of one kind: how fast, and each against the rivals' fastest with the same interface.
+fn trace_table(group: &[&Trace], kind: Kind, order: Order, threads: usize) -> Vec<String> {
+    let Some(first) = group.first() else { return Vec::new() };
+    let mut title = format!("  {} x {}", kind.name(), first.rays);
+    if order == Order::Shuffled {
+        title += ", shuffled";
+    }
+    let _ = write!(title, ", {threads} thread{}", if threads == 1 { "" } else { "s" });
+    let rival = |any_call: bool| {
+        let theirs = group.iter().filter(|t| t.engine != ours::NAME);
+        theirs
+            .filter(|t| any_call || t.api == Api::One)
+            .max_by(|a, b| a.mrays_per_s.total_cmp(&b.mrays_per_s))
+    };
+    let mut lines = vec![format!(
+        "{title:42} {:>8} {:>7} {:>9} {:>9}  of the rivals' fastest such",
+        "Mrays/s", "spread", "mism. ppm", "ids ppm"
+    )];
+    for trace in group {
+        let mut line = format!(
+            "    {:38} {:>8.2} {:>6.0}% {:>9.1} {:>9}",
+            trace.label(),
+            trace.mrays_per_s,
+            100.0 * trace.spread,
+            trace.mismatch_ppm,
+            trace.ids_ppm.map_or("-".to_owned(), |ppm| format!("{ppm:.1}")),
+        );
+        if let Some(rival) = rival(trace.api == Api::Many) {
+            let ratio = trace.ratio(rival);
+            let _ = write!(line, "  {:.2} ({:.2}..{:.2})", ratio.median, ratio.low, ratio.high);
+        }
+        lines.push(line);
+    }
+    lines
+}
+
+/// The marks.
+pub fn marks(marks: &[Mark]) -> Vec<String> {
+    let mut lines = vec![format!(
+        "\n{:70} {:>5} {:>6} {:>13} {:>5} {:>6}  {}",
+        "mark", "asked", "mean", "95 %", "asked", "worst", "standing"
+    )];
+    for mark in marks {
+        let number =
+            |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));
+        let interval =
+            mark.interval.map_or("-".to_owned(), |[low, high]| format!("{low:.2}..{high:.2}"));
+        let standing = match mark.standing {
+            Standing::Met => "met".to_owned(),
+            Standing::NotMet => "NOT MET".to_owned(),
+            Standing::NotMeasured => "not measured".to_owned(),
+        };
+        let place =
+            mark.worst_scene.as_deref().map_or(String::new(), |scene| format!(" ({scene})"));
+        lines.push(format!(
+            "{:70} {:>5.2} {:>6} {:>13} {:>5} {:>6}  {standing}{place}",
+            mark.what,
+            mark.mean_asked,
+            number(mark.mean),
+            interval,
+            number(mark.worst_asked),
+            number(mark.worst),
+        ));
+    }
+    lines
+}

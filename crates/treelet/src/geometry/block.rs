@@ -1,0 +1,118 @@
+//! Up to four triangles against a ray at once: the test of [`super::triangle`], step by step, a
+//! triangle a lane. The same bits as there; `tests/matrix.rs` holds them against each other.
+//!
+//! Two stages. The f32 edge functions of all lanes reject most leaves that the ray misses. For the
+//! others, exact signs, weights and `t` are computed in f64, again of all lanes: a division in four
+//! lanes takes as long as one.
+
+use super::triangle::TriangleRay;
+use crate::bounds::{Interval, SlabRay};
+use crate::simd::{Doubles, Floats, Simd};
+
+/// Lanes of a block.
+pub(crate) const LANES: usize = 4;
+
+/// The hits of a block.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct BlockHits {
+    /// Bit `i`: triangle `i` is hit.
+    pub(crate) mask: u32,
+    pub(crate) t: [f32; LANES],
+    pub(crate) u: [f32; LANES],
+    pub(crate) v: [f32; LANES],
+}
+
+impl BlockHits {
+    const NONE: Self = Self { mask: 0, t: [0.0; LANES], u: [0.0; LANES], v: [0.0; LANES] };
+}
+
+/// Which of the first `count` lanes of a block are hit, as [`TriangleRay::hit`] says for one.
+///
+/// `rows[k * count + i]` is, of triangle `i`, axis `k % 3` of corner `k / 3`; beyond the last row,
+/// anything.
+#[inline(always)]
+pub(crate) fn hit<S: Simd, const N: usize>(
+    simd: S,
+    rows: &[f32; N],
+    count: usize,
+    ray: &TriangleRay,
+    slab: &SlabRay,
+    clip: &Interval,
+    range: &Interval,
+) -> BlockHits {
+    const { assert!(N >= LANES * 9 + LANES + LANES) }
+    let count = (count - 1) % LANES + 1;
+    let splat = |x: f32| S::F4::splat(simd, x);
+    let row = |corner: usize, axis: usize| {
+        let start = (3 * corner + axis) * count;
+        let lanes = rows.get(start..start + LANES).and_then(<[f32]>::first_chunk);
+        S::F4::load(simd, lanes.unwrap_or(&[0.0; LANES]))
+    };
+
+    // Move to the origin and shear.
+    let [x, y, z] = ray.axes;
+    let [x, y, z] = [usize::from(x & 3), usize::from(y & 3), usize::from(z & 3)];
+    let origin = [splat(ray.origin[0]), splat(ray.origin[1]), splat(ray.origin[2])];
+    let shear = [splat(ray.shear[0]), splat(ray.shear[1])];
+    let sheared = |corner: usize| {
+        let depth = row(corner, z).sub(origin[2]);
+        [
+            row(corner, x).sub(origin[0]).sub(shear[0].mul(depth)),
+            row(corner, y).sub(origin[1]).sub(shear[1].mul(depth)),
+            depth,
+        ]
+    };
+    let (a, b, c) = (sheared(0), sheared(1), sheared(2));
+
+    // Strictly mixed signs are certain even in f32.
+    let zero = splat(0.0);
+    let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
+    let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
+    let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
+    let mixed = (u.lt(zero) | v.lt(zero) | w.lt(zero)) & (zero.lt(u) | zero.lt(v) | zero.lt(w));
+    let mask = !mixed & ((1 << count) - 1);
+    if mask == 0 {
+        return BlockHits::NONE;
+    }
+
+    // Exact signs, then weights and `t`.
+    let wide = |[x, y, z]: [S::F4; 3]| [S::D4::widen(x), S::D4::widen(y), S::D4::widen(z)];
+    let (a, b, c) = (wide(a), wide(b), wide(c));
+    let zero = S::D4::splat(simd, 0.0);
+    let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
+    let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
+    let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
+    let mixed = u.min(v).min(w).lt(zero) & zero.lt(u.max(v).max(w));
+    let det = u.add(v).add(w);
+    let infinite = S::D4::splat(simd, f64::INFINITY);
+    let sized = (zero.lt(det) & det.lt(infinite))
+        | (det.lt(zero) & S::D4::splat(simd, f64::NEG_INFINITY).lt(det));
+    let mask = mask & !mixed & sized;
+    if mask == 0 {
+        return BlockHits::NONE;
+    }
+    let share = S::D4::splat(simd, 1.0).div(det);
+    let (v, w) = (v.mul(share), w.mul(share));
+    let depth = a[2].add(v.mul(b[2].sub(a[2])).add(w.mul(c[2].sub(a[2]))));
+    let t = depth.mul(S::D4::splat(simd, ray.reciprocal_z)).narrow();
+
+    // The culling lemma: `t` lies where the triangle's own box is.
+    let (mut entry, mut exit) = (splat(f32::NEG_INFINITY), splat(f32::INFINITY));
+    for axis in 0..3 {
+        let (a, b, c) = (row(0, axis), row(1, axis), row(2, axis));
+        let planes = [c.min(b.min(a)), c.max(b.max(a))];
+        let backward = usize::from(slab.backward[axis] & 1);
+        let reciprocal = splat(slab.reciprocal[axis]);
+        let first = planes[backward].sub(splat(slab.near[axis])).mul(reciprocal);
+        let last = planes[backward ^ 1].sub(splat(slab.far[axis])).mul(reciprocal);
+        entry = first.max(entry);
+        exit = last.min(exit);
+    }
+    let entry = splat(clip.entry).max(entry);
+    let exit = splat(clip.exit).min(exit);
+    let finite = t.lt(splat(f32::INFINITY)) & splat(f32::NEG_INFINITY).lt(t);
+    let t = exit.min(entry.max(t));
+    let wanted = splat(range.entry).le(t) & t.le(splat(range.exit));
+    let mask = mask & entry.le(exit) & finite & wanted;
+    BlockHits { mask, t: t.lanes(), u: v.narrow().lanes(), v: w.narrow().lanes() }
+}

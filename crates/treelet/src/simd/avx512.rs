@@ -1,0 +1,168 @@
+//! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
+//! bits at once; `vpcompressd` moves the lanes that matter to the front.
+
+use super::{Doubles, Floats, Kernel, Simd};
+use core::arch::x86_64::*;
+
+/// Exists only where these parts of AVX-512 do.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx512(());
+
+/// Runs `kernel` with AVX-512.
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
+pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx512(()))
+}
+
+impl Simd for Avx512 {
+    type F4 = F4;
+    type F8 = F8;
+    type F16 = F16;
+    type D4 = D4;
+
+    #[inline(always)]
+    fn prefetch<T>(self, address: *const T) {
+        // SAFETY: a hint; any address will do.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
+    }
+
+    #[inline(always)]
+    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
+        const { assert!(W == 8 || W == 16) }
+        let mut out = [0; W];
+        // SAFETY: the token shows that the processor has the instructions; `W` lanes are readable
+        // and writable.
+        unsafe {
+            if W == 16 {
+                let packed = _mm512_maskz_compress_epi32(
+                    mask as __mmask16,
+                    _mm512_loadu_epi32(items.as_ptr().cast()),
+                );
+                _mm512_storeu_epi32(out.as_mut_ptr().cast(), packed);
+            } else {
+                let packed = _mm256_maskz_compress_epi32(
+                    mask as __mmask8,
+                    _mm256_loadu_epi32(items.as_ptr().cast()),
+                );
+                _mm256_storeu_epi32(out.as_mut_ptr().cast(), packed);
+            }
+        }
+        out
+    }
+}
+
+/// 4 x f32.
+#[derive(Clone, Copy)]
+pub(crate) struct F4(__m128);
+
+/// 8 x f32.
+#[derive(Clone, Copy)]
+pub(crate) struct F8(__m256);
+
+/// 16 x f32.
+#[derive(Clone, Copy)]
+pub(crate) struct F16(__m512);
+
+/// 4 x f64.
+#[derive(Clone, Copy)]
+pub(crate) struct D4(__m256d);
+
+macro_rules! lanewise {
+    ($($name:ident $intrinsic:ident)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+            Self(unsafe { $intrinsic(self.0, other.0) })
+        })*
+    };
+}
+
+macro_rules! compare {
+    ($($name:ident $compare:ident $predicate:ident)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> u32 {
+            // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+            u32::from(unsafe { $compare::<$predicate>(self.0, other.0) })
+        })*
+    };
+}
+
+macro_rules! memory {
+    ($lanes:literal $splat:ident $load:ident $store:ident) => {
+        type Token = Avx512;
+
+        #[inline(always)]
+        fn splat(_: Avx512, x: f32) -> Self {
+            // SAFETY: the token shows that the processor has the instruction.
+            Self(unsafe { $splat(x) })
+        }
+
+        #[inline(always)]
+        fn load(_: Avx512, lanes: &[f32; $lanes]) -> Self {
+            // SAFETY: the token shows that the processor has the instruction; all lanes are
+            // readable.
+            Self(unsafe { $load(lanes.as_ptr()) })
+        }
+
+        #[inline(always)]
+        fn lanes(self) -> [f32; $lanes] {
+            let mut lanes = [0.0; $lanes];
+            // SAFETY: the processor has the instruction; all lanes are writable.
+            unsafe { $store(lanes.as_mut_ptr(), self.0) };
+            lanes
+        }
+    };
+}
+
+impl Floats<4> for F4 {
+    memory! { 4 _mm_set1_ps _mm_loadu_ps _mm_storeu_ps }
+    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
+    compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
+}
+
+impl Floats<8> for F8 {
+    memory! { 8 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }
+    lanewise! {
+        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps
+        min _mm256_min_ps max _mm256_max_ps
+    }
+    compare! { le _mm256_cmp_ps_mask _CMP_LE_OQ lt _mm256_cmp_ps_mask _CMP_LT_OQ }
+}
+
+impl Floats<16> for F16 {
+    memory! { 16 _mm512_set1_ps _mm512_loadu_ps _mm512_storeu_ps }
+    lanewise! {
+        add _mm512_add_ps sub _mm512_sub_ps mul _mm512_mul_ps
+        min _mm512_min_ps max _mm512_max_ps
+    }
+    compare! { le _mm512_cmp_ps_mask _CMP_LE_OQ lt _mm512_cmp_ps_mask _CMP_LT_OQ }
+}
+
+impl Doubles for D4 {
+    type Token = Avx512;
+    type Narrow = F4;
+
+    #[inline(always)]
+    fn splat(_: Avx512, x: f64) -> Self {
+        // SAFETY: the token shows that the processor has the instruction.
+        Self(unsafe { _mm256_set1_pd(x) })
+    }
+
+    #[inline(always)]
+    fn widen(narrow: F4) -> Self {
+        // SAFETY: `narrow` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm256_cvtps_pd(narrow.0) })
+    }
+
+    #[inline(always)]
+    fn narrow(self) -> F4 {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        F4(unsafe { _mm256_cvtpd_ps(self.0) })
+    }
+
+    lanewise! {
+        add _mm256_add_pd sub _mm256_sub_pd mul _mm256_mul_pd div _mm256_div_pd
+        min _mm256_min_pd max _mm256_max_pd
+    }
+    compare! { lt _mm256_cmp_pd_mask _CMP_LT_OQ }
+}

@@ -1,0 +1,127 @@
+//! Instruction sets by name: which there are, which this processor has, and how to enter one.
+
+use super::Simd;
+use super::scalar::Scalar;
+
+/// Whether the processor has all of these features: asked of it, or, without `std`, of the compiler.
+#[cfg(target_arch = "x86_64")]
+macro_rules! has {
+    ($($feature:tt),*) => {{
+        #[cfg(feature = "std")]
+        let found = $(std::arch::is_x86_feature_detected!($feature))&&*;
+        #[cfg(not(feature = "std"))]
+        let found = $(cfg!(target_feature = $feature))&&*;
+        found
+    }};
+}
+
+/// An instruction set for which kernels are compiled.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[non_exhaustive]
+pub enum Level {
+    /// Nothing beyond what every processor of the architecture has.
+    Scalar,
+    /// SSE4.2, 128 bits.
+    #[cfg(target_arch = "x86_64")]
+    Sse42,
+    /// AVX2 with BMI, 256 bits.
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+    /// AVX-512 F, VL, BW and DQ, 512 bits.
+    #[cfg(target_arch = "x86_64")]
+    Avx512,
+}
+
+/// Work that is generic in the instruction set.
+pub(crate) trait Kernel {
+    type Output;
+
+    /// Does the work. To be `#[inline(always)]`, as everything it calls that handles vectors.
+    fn run<S: Simd>(self, simd: S) -> Self::Output;
+}
+
+impl Level {
+    /// Every level of this architecture, the simplest first.
+    pub const ALL: &[Self] = &[
+        Self::Scalar,
+        #[cfg(target_arch = "x86_64")]
+        Self::Sse42,
+        #[cfg(target_arch = "x86_64")]
+        Self::Avx2,
+        #[cfg(target_arch = "x86_64")]
+        Self::Avx512,
+    ];
+
+    /// The best level that this processor has. Asked once a program, then remembered by `std`.
+    pub fn best() -> Self {
+        Self::ALL.iter().copied().rev().find(Self::is_available).unwrap_or(Self::Scalar)
+    }
+
+    /// As users write it.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Scalar => "scalar",
+            #[cfg(target_arch = "x86_64")]
+            Self::Sse42 => "sse42",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => "avx512",
+        }
+    }
+
+    /// The level of that name, if this architecture has it.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.iter().copied().find(|level| level.name() == name)
+    }
+
+    /// Whether this processor has it.
+    pub fn is_available(&self) -> bool {
+        match self {
+            Self::Scalar => true,
+            #[cfg(target_arch = "x86_64")]
+            Self::Sse42 => has!("sse4.2", "popcnt"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx2 => has!("avx2", "bmi1", "bmi2", "lzcnt", "popcnt"),
+            #[cfg(target_arch = "x86_64")]
+            Self::Avx512 => has!(
+                "avx512f", "avx512vl", "avx512bw", "avx512dq", "bmi1", "bmi2", "lzcnt", "popcnt"
+            ),
+        }
+    }
+
+    /// The level as a proof that the processor has it.
+    pub(crate) fn checked(self) -> Option<Checked> {
+        self.is_available().then_some(Checked(self))
+    }
+}
+
+/// A level that this processor has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Checked(Level);
+
+impl Checked {
+    /// [`Level::Scalar`].
+    pub(crate) const SCALAR: Self = Self(Level::Scalar);
+
+    pub(crate) fn level(self) -> Level {
+        self.0
+    }
+
+    /// Runs a kernel at this level: one branch.
+    #[inline(always)]
+    pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+        match self.0 {
+            Level::Scalar => kernel.run(Scalar),
+            // SAFETY: only `Level::checked` makes other values, and it asked the processor.
+            #[cfg(target_arch = "x86_64")]
+            Level::Sse42 => unsafe { super::sse42::run(kernel) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => unsafe { super::avx2::run(kernel) },
+            // SAFETY: as above.
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => unsafe { super::avx512::run(kernel) },
+        }
+    }
+}

@@ -1,0 +1,137 @@
+//! The wall: vectors of floats at every instruction set, behind traits that kernels are generic in.
+//!
+//! A kernel is written once, over [`Simd`], and compiled once a level: `Checked::run` enters a
+//! function that is compiled for the level's instructions, and everything that is inlined into it is
+//! too. So kernels and all they call are `#[inline(always)]`.
+//!
+//! Safety: a level's token ([`Simd`] implementations) exists only inside that function, and no
+//! vector is made without a token; so whoever holds a vector may use the instructions it needs.
+//!
+//! Exactness: every operation below is one correctly rounded IEEE operation a lane, or a comparison;
+//! nothing fuses, nothing approximates. Minimum and maximum are written out as comparisons, so that
+//! NaN and signed zeros come out alike at every level. Kernels therefore give the same bits at all
+//! of them.
+
+#![allow(unsafe_code, reason = "the wall: vendor intrinsics")]
+
+#[cfg(target_arch = "x86_64")]
+mod avx2;
+#[cfg(target_arch = "x86_64")]
+mod avx512;
+mod level;
+mod scalar;
+#[cfg(target_arch = "x86_64")]
+mod sse42;
+mod two;
+
+pub use level::Level;
+pub(crate) use level::{Checked, Kernel};
+
+/// `N` lanes of f32.
+pub(crate) trait Floats<const N: usize>: Copy {
+    /// What shows that the instructions may be used.
+    type Token: Copy;
+
+    /// `x` in every lane.
+    fn splat(token: Self::Token, x: f32) -> Self;
+    /// The lanes in order.
+    fn load(token: Self::Token, lanes: &[f32; N]) -> Self;
+    /// The lanes in order.
+    fn lanes(self) -> [f32; N];
+
+    /// Sums.
+    fn add(self, other: Self) -> Self;
+    /// Differences.
+    fn sub(self, other: Self) -> Self;
+    /// Products.
+    fn mul(self, other: Self) -> Self;
+    /// `self < other ? self : other`.
+    fn min(self, other: Self) -> Self;
+    /// `self > other ? self : other`.
+    fn max(self, other: Self) -> Self;
+
+    /// Bit `i` is set where `self <= other` in lane `i`; not for NaN.
+    fn le(self, other: Self) -> u32;
+    /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
+    fn lt(self, other: Self) -> u32;
+}
+
+/// Four lanes of f64.
+pub(crate) trait Doubles: Copy {
+    /// What shows that the instructions may be used.
+    type Token: Copy;
+    /// As many lanes of f32.
+    type Narrow: Floats<4, Token = Self::Token>;
+
+    /// `x` in every lane.
+    fn splat(token: Self::Token, x: f64) -> Self;
+    /// Exact.
+    fn widen(narrow: Self::Narrow) -> Self;
+    /// Rounded to the nearest f32, ties to even.
+    fn narrow(self) -> Self::Narrow;
+
+    /// Sums.
+    fn add(self, other: Self) -> Self;
+    /// Differences.
+    fn sub(self, other: Self) -> Self;
+    /// Products.
+    fn mul(self, other: Self) -> Self;
+    /// Quotients.
+    fn div(self, other: Self) -> Self;
+    /// `self < other ? self : other`.
+    fn min(self, other: Self) -> Self;
+    /// `self > other ? self : other`.
+    fn max(self, other: Self) -> Self;
+
+    /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
+    fn lt(self, other: Self) -> u32;
+}
+
+/// An instruction set, as a token that shows that this processor has it.
+pub(crate) trait Simd: Copy {
+    /// 4 lanes of f32.
+    type F4: Floats<4, Token = Self>;
+    /// 8 lanes of f32.
+    type F8: Floats<8, Token = Self>;
+    /// 16 lanes of f32.
+    type F16: Floats<16, Token = Self>;
+    /// 4 lanes of f64.
+    type D4: Doubles<Token = Self, Narrow = Self::F4>;
+
+    /// Asks for the cache line of `address`, which need not be valid.
+    fn prefetch<T>(self, address: *const T);
+
+    /// The items whose bits are set in `mask`, in order, then others.
+    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];
+}
+
+/// The vector of `W` lanes of a level: what makes a kernel generic in its width.
+pub(crate) trait Wide<const W: usize>: Simd {
+    /// `W` lanes of f32.
+    type F: Floats<W, Token = Self>;
+}
+
+impl<S: Simd> Wide<8> for S {
+    type F = S::F8;
+}
+
+impl<S: Simd> Wide<16> for S {
+    type F = S::F16;
+}
+
+/// [`Simd::compress`] without instructions for it.
+#[inline(always)]
+fn compress_by_bits<const W: usize>(mut mask: u32, items: &[u32; W]) -> [u32; W] {
+    let mut out = [0; W];
+    for place in &mut out {
+        if mask == 0 {
+            break;
+        }
+        *place = items[mask.trailing_zeros() as usize % W];
+        mask &= mask - 1;
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,115 @@
+//! Every processor: arrays, one lane after the other. What the other levels are held against.
+
+use super::two::Two;
+use super::{Doubles, Floats, Simd, compress_by_bits};
+
+/// Needs nothing.
+#[derive(Clone, Copy)]
+pub(crate) struct Scalar;
+
+impl Simd for Scalar {
+    type F4 = Lanes;
+    type F8 = Two<Lanes>;
+    type F16 = Two<Two<Lanes>>;
+    type D4 = DoubleLanes;
+
+    #[inline(always)]
+    fn prefetch<T>(self, _: *const T) {}
+
+    #[inline(always)]
+    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
+        compress_by_bits(mask, items)
+    }
+}
+
+/// 4 x f32.
+#[derive(Clone, Copy)]
+pub(crate) struct Lanes([f32; 4]);
+
+/// 4 x f64.
+#[derive(Clone, Copy)]
+pub(crate) struct DoubleLanes([f64; 4]);
+
+macro_rules! lanewise {
+    ($($name:ident: $a:ident, $b:ident => $result:expr;)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            let lane = |i: usize| {
+                let ($a, $b) = (self.0[i], other.0[i]);
+                $result
+            };
+            Self([lane(0), lane(1), lane(2), lane(3)])
+        })*
+    };
+}
+
+macro_rules! compare {
+    ($($name:ident $operator:tt;)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> u32 {
+            let bit = |i: usize| u32::from(self.0[i] $operator other.0[i]) << i;
+            bit(0) | bit(1) | bit(2) | bit(3)
+        })*
+    };
+}
+
+impl Floats<4> for Lanes {
+    type Token = Scalar;
+
+    #[inline(always)]
+    fn splat(_: Scalar, x: f32) -> Self {
+        Self([x; 4])
+    }
+
+    #[inline(always)]
+    fn load(_: Scalar, lanes: &[f32; 4]) -> Self {
+        Self(*lanes)
+    }
+
+    #[inline(always)]
+    fn lanes(self) -> [f32; 4] {
+        self.0
+    }
+
+    lanewise! {
+        add: a, b => a + b;
+        sub: a, b => a - b;
+        mul: a, b => a * b;
+        min: a, b => if a < b { a } else { b };
+        max: a, b => if a > b { a } else { b };
+    }
+
+    compare! { le <=; lt <; }
+}
+
+impl Doubles for DoubleLanes {
+    type Token = Scalar;
+    type Narrow = Lanes;
+
+    #[inline(always)]
+    fn splat(_: Scalar, x: f64) -> Self {
+        Self([x; 4])
+    }
+
+    #[inline(always)]
+    fn widen(Lanes([a, b, c, d]): Lanes) -> Self {
+        Self([f64::from(a), f64::from(b), f64::from(c), f64::from(d)])
+    }
+
+    #[inline(always)]
+    fn narrow(self) -> Lanes {
+        let [a, b, c, d] = self.0;
+        Lanes([a as f32, b as f32, c as f32, d as f32])
+    }
+
+    lanewise! {
+        add: a, b => a + b;
+        sub: a, b => a - b;
+        mul: a, b => a * b;
+        div: a, b => a / b;
+        min: a, b => if a < b { a } else { b };
+        max: a, b => if a > b { a } else { b };
+    }
+
+    compare! { lt <; }
+}
