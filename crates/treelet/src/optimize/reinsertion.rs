@@ -15,6 +15,12 @@
 //! The cost is the sum of the inner nodes' surface areas: leaves move as they are, so theirs stays
 //! the same. Single-primitive leaves give it the most to do.
 //!
+//! Measured on 1.4 M triangles of an interior, binned SAH before, one core: the cost falls by 22 % in
+//! 0.33 s with a share of 0.01, by 23 % in 0.44 s with 0.05, by 23.1 % in 3.5 s with 1; two-wide
+//! nodes a diffuse ray fall from 20.5 to 14.0. On hair and terrain, where boxes have few better
+//! places, a share of 0.05 gives 0.5 %, of 1 4.4 % (hair). Tried without gain: more rounds of smaller
+//! shares (0.02 and 32 rounds).
+//!
 //! Cost: 68 bytes a leaf; a search visits some tens of nodes.
 
 use super::Optimizer;

@@ -2,7 +2,7 @@
 
 use super::builder::BuildOptions;
 use crate::bounds::Aabb;
-use crate::build::{BinnedSah, BuildError, Builder, Clip, SplitSah};
+use crate::build::{BinnedSah, BuildError, Builder, Clip, SweepSah};
 use crate::context::Context;
 use crate::geometry::Mesh;
 use crate::geometry::clip::clipped_bounds;
@@ -58,6 +58,9 @@ impl Quality {
     }
 
     /// What the level is made of.
+    ///
+    /// Leaves of one primitive give reinsertion the most to do; layouts put them together. Spatial
+    /// splits (`split-sah`) are in none: see there what they lost.
     pub fn plan(self) -> Plan<'static> {
         let plain = |builder| Plan { quality: self, builder, optimizers: &[] };
         match self {
@@ -68,8 +71,8 @@ impl Quality {
                 ..plain(&BinnedSah { leaf_max: 1, ..BinnedSah::DEFAULT })
             },
             Self::Best => Plan {
-                optimizers: &[&Reinsertion::DEFAULT],
-                ..plain(&SplitSah { leaf_max: 1, ..SplitSah::DEFAULT })
+                optimizers: &[&Reinsertion { share: 1.0, gain_min: 1e-3, ..Reinsertion::DEFAULT }],
+                ..plain(&SweepSah { leaf_max: 1, ..SweepSah::DEFAULT })
             },
         }
     }
