@@ -18,6 +18,9 @@ pub(super) type Id = u32;
 /// The root shares its pair with a node that is not there.
 pub(super) const ROOT: Id = 1;
 
+/// Passes over nodes are interrupted at most this many steps apart.
+const CHUNK: usize = 4096;
+
 /// Marks inner nodes in [`Place::word`].
 const INNER: u32 = 1 << 31;
 
@@ -94,21 +97,26 @@ impl Pairs {
     pub(super) fn new(tree: Tree, cancel: &Cancel) -> Result<Self, BuildError> {
         let Tree { nodes, prims } = tree;
         // Nodes but the root come in pairs, so node `i` is id `i + 1`.
-        let count = nodes.len().div_ceil(2);
-        let nothing = Pair([Place::NOTHING; 2]);
-        let mut pairs = memory::try_filled(nothing, count, "the rearranged tree")?;
-        let parents = memory::try_filled(0, count, "parents of the rearranged tree")?;
-        for (id, node) in (ROOT..).zip(&nodes) {
+        let place = |node: &Node| {
             let (first, word) = match node.kind() {
                 Kind::Inner { left } => (left.div_ceil(2) as u32, INNER),
                 Kind::Leaf { first, count } => (first as u32, count as u32),
             };
-            let place = Place { bounds: node.bounds, first, word };
-            pairs[id as usize / 2].0[id as usize % 2] = place;
+            Place { bounds: node.bounds, first, word }
+        };
+        let count = nodes.len().div_ceil(2);
+        let mut pairs = memory::try_with_capacity(count, "the rearranged tree")?;
+        let mut parents = memory::try_with_capacity(count, "parents of the rearranged tree")?;
+        pairs.push(Pair([Place::NOTHING, place(&nodes[0])]));
+        for chunk in nodes[1..].chunks(CHUNK) {
+            cancel.check()?;
+            let siblings = chunk.chunks_exact(2);
+            pairs.extend(siblings.map(|pair| Pair([place(&pair[0]), place(&pair[1])])));
         }
+        parents.resize(pairs.len(), 0);
         let mut out = Self { pairs, parents, prims };
         for id in (ROOT..=nodes.len() as Id).rev() {
-            if id % 4096 == 0 {
+            if id % CHUNK as Id == 0 {
                 cancel.check()?;
             }
             let place = *out.at(id);
@@ -264,7 +272,7 @@ impl Pairs {
         nodes.push(nowhere);
         let mut open = alloc::vec![(ROOT, 0_usize)];
         while let Some((id, to)) = open.pop() {
-            if to % 4096 == 0 {
+            if to % CHUNK == 0 {
                 cancel.check()?;
             }
             let place = self.at(id);

@@ -122,22 +122,43 @@ fn cost(pairs: &Pairs, stage: &Stage<'_>) -> Result<f64, Cancelled> {
     parts.into_iter().sum()
 }
 
-/// The `count` nodes of largest area, the root left out, in the order of their ids; ties go to the lower id.
-pub(super) fn largest(pairs: &Pairs, count: usize, stage: &Stage<'_>) -> Result<Vec<Id>, BuildError> {
-    // Areas as f32 bits, turned around so that the largest comes first.
-    let keys = parallel::map_chunks(pairs.pairs(), PAIRS_CHUNK, |first, pairs| {
+/// The `count` nodes of largest area, the root left out, in the order of their ids; ties go to the
+/// lower id.
+fn largest(pairs: &Pairs, count: usize, stage: &Stage<'_>) -> Result<Vec<Id>, BuildError> {
+    // Areas as f32 bits, turned around so that the largest comes first; their upper bits tell apart
+    // eight sizes to a factor of two.
+    let key = |place: &Place| !(place.bounds.half_area() as f32).to_bits();
+    let counts = parallel::map_chunks(pairs.pairs(), PAIRS_CHUNK, |_, pairs| {
         stage.check()?;
-        let ids = 2 * first as Id..;
-        let places = ids.zip(pairs.iter().flat_map(|pair| &pair.0));
-        let key = |place: &Place| !(place.bounds.half_area() as f32).to_bits();
-        Ok(places.map(|(id, place)| (key(place), id)).collect::<Vec<_>>())
+        let mut counts = alloc::vec![0_usize; 1 << (32 - FINE_BITS)];
+        let places = pairs.iter().flat_map(|pair| &pair.0);
+        places.for_each(|place| counts[(key(place) >> FINE_BITS) as usize] += 1);
+        Ok(counts)
     });
-    let mut all = memory::try_with_capacity(pairs.nodes() + 1, "nodes by area")?;
-    for part in keys {
+    let mut sums = alloc::vec![0_usize; 1 << (32 - FINE_BITS)];
+    for counts in counts {
+        let counts: Result<Vec<usize>, Cancelled> = counts;
+        sums.iter_mut().zip(counts?).for_each(|(sum, count)| *sum += count);
+    }
+
+    // The size at which there are enough, one more for the root: larger ones are in, equal ones may be.
+    let mut enough = 0;
+    let last = sums.iter().position(|sum| {
+        enough += sum;
+        enough > count
+    });
+    let last = last.map_or(u32::MAX, |size| size as u32);
+    let chosen = parallel::map_chunks(pairs.pairs(), PAIRS_CHUNK, |first, pairs| {
+        stage.check()?;
+        let places = (2 * first as Id..).zip(pairs.iter().flat_map(|pair| &pair.0));
+        let keyed = places.filter(|&(id, _)| id > ROOT).map(|(id, place)| (key(place), id));
+        Ok(keyed.filter(|keyed| keyed.0 >> FINE_BITS <= last).collect::<Vec<_>>())
+    });
+    let mut all = memory::try_with_capacity(enough, "nodes by area")?;
+    for part in chosen {
         let part: Result<Vec<(u32, Id)>, Cancelled> = part;
         all.extend(part?);
     }
-    all.retain(|&(_, id)| id > ROOT);
     if count < all.len() {
         all.select_nth_unstable(count);
         all.truncate(count);
@@ -146,6 +167,9 @@ pub(super) fn largest(pairs: &Pairs, count: usize, stage: &Stage<'_>) -> Result<
     ids.sort_unstable();
     Ok(ids)
 }
+
+/// Lower bits of an area that the first look at all areas leaves out.
+const FINE_BITS: u32 = 20;
 
 /// The best place of each node that has a better one.
 fn search(pairs: &Pairs, nodes: &[Id], stage: &Stage<'_>) -> Result<Vec<Move>, Cancelled> {
