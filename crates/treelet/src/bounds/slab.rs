@@ -67,10 +67,8 @@ impl Interval {
 /// by it, and the other way round for the upper planes: whichever of the two the ray meets first.
 #[derive(Clone, Copy, Debug)]
 pub struct SlabRay {
-    /// By axis: what the planes met first are measured from.
-    pub(crate) near: [f32; 3],
-    /// By axis: what the planes met last are measured from.
-    pub(crate) far: [f32; 3],
+    /// By axis: what lower planes are measured from, then what upper planes are.
+    sides: [[f32; 4]; 2],
     /// By axis: `1 / direction`.
     pub(crate) reciprocal: [f32; 3],
     /// By axis: 1 if the ray meets the upper plane first, else 0.
@@ -82,20 +80,29 @@ impl SlabRay {
     /// on every side.
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
-        let mut ray =
-            Self { near: [0.0; 3], far: [0.0; 3], reciprocal: [0.0; 3], backward: [0; 3] };
+        let mut ray = Self { sides: [[0.0; 4]; 2], reciprocal: [0.0; 3], backward: [0; 3] };
         for axis in 0..3 {
             // The sums below round by half an ulp of the origin; this much more makes that outward,
             // even for a slack below the origin's own precision.
             let by = (slack + origin[axis].abs() * f32::EPSILON) * WIDER + f32::MIN_POSITIVE;
-            let (above, below) = (origin[axis] + by, origin[axis] - by);
-            let backward = direction[axis].is_sign_negative();
-            ray.near[axis] = if backward { below } else { above };
-            ray.far[axis] = if backward { above } else { below };
+            ray.sides[0][axis] = origin[axis] + by;
+            ray.sides[1][axis] = origin[axis] - by;
             ray.reciprocal[axis] = 1.0 / direction[axis];
-            ray.backward[axis] = u8::from(backward);
+            ray.backward[axis] = (direction[axis].to_bits() >> 31) as u8;
         }
         ray
+    }
+
+    /// What the plane of an axis that is met first is measured from.
+    #[inline(always)]
+    pub(crate) fn near(&self, axis: usize) -> f32 {
+        self.sides[usize::from(self.backward[axis] & 1)][axis]
+    }
+
+    /// What the plane of an axis that is met last is measured from.
+    #[inline(always)]
+    pub(crate) fn far(&self, axis: usize) -> f32 {
+        self.sides[usize::from(self.backward[axis] & 1 ^ 1)][axis]
     }
 
     /// Where the ray is in the widened box.
@@ -106,8 +113,8 @@ impl SlabRay {
             let planes = [bounds.lo[axis], bounds.hi[axis]];
             let first = planes[usize::from(self.backward[axis] & 1)];
             let last = planes[usize::from(self.backward[axis] & 1 ^ 1)];
-            let entry = (first - self.near[axis]) * self.reciprocal[axis];
-            let exit = (last - self.far[axis]) * self.reciprocal[axis];
+            let entry = (first - self.near(axis)) * self.reciprocal[axis];
+            let exit = (last - self.far(axis)) * self.reciprocal[axis];
             // Comparisons that are false for NaN keep what there is: see the module's head.
             inside.entry = if entry > inside.entry { entry } else { inside.entry };
             inside.exit = if exit < inside.exit { exit } else { inside.exit };

@@ -7,7 +7,7 @@
 
 use super::triangle::TriangleRay;
 use crate::bounds::{Interval, SlabRay};
-use crate::simd::{Doubles, Floats, Simd};
+use crate::simd::{Doubles, Floats, Kernel, Simd};
 
 /// Lanes of a block.
 pub(crate) const LANES: usize = 4;
@@ -26,22 +26,34 @@ impl BlockHits {
     const NONE: Self = Self { mask: 0, t: [0.0; LANES], u: [0.0; LANES], v: [0.0; LANES] };
 }
 
-/// Which of the first `count` lanes of a block are hit, as [`TriangleRay::hit`] says for one.
+/// The question which of the first `count` lanes of a block are hit, as [`TriangleRay::hit`] says for
+/// one.
 ///
 /// `rows[k * count + i]` is, of triangle `i`, axis `k % 3` of corner `k / 3`; beyond the last row,
 /// anything.
+pub(crate) struct Block<'a, const N: usize> {
+    pub(crate) rows: &'a [f32; N],
+    pub(crate) count: usize,
+    pub(crate) ray: &'a TriangleRay,
+    pub(crate) slab: &'a SlabRay,
+    pub(crate) clip: &'a Interval,
+    pub(crate) range: Interval,
+}
+
+impl<const N: usize> Kernel for Block<'_, N> {
+    type Output = BlockHits;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> BlockHits {
+        hit(simd, &self)
+    }
+}
+
 #[inline(always)]
-pub(crate) fn hit<S: Simd, const N: usize>(
-    simd: S,
-    rows: &[f32; N],
-    count: usize,
-    ray: &TriangleRay,
-    slab: &SlabRay,
-    clip: &Interval,
-    range: &Interval,
-) -> BlockHits {
+fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
+    let Block { rows, ray, slab, clip, range, .. } = block;
     const { assert!(N >= LANES * 9 + LANES + LANES) }
-    let count = (count - 1) % LANES + 1;
+    let count = (block.count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
     let row = |corner: usize, axis: usize| {
         let start = (3 * corner + axis) * count;
@@ -103,8 +115,8 @@ pub(crate) fn hit<S: Simd, const N: usize>(
         let planes = [c.min(b.min(a)), c.max(b.max(a))];
         let backward = usize::from(slab.backward[axis] & 1);
         let reciprocal = splat(slab.reciprocal[axis]);
-        let first = planes[backward].sub(splat(slab.near[axis])).mul(reciprocal);
-        let last = planes[backward ^ 1].sub(splat(slab.far[axis])).mul(reciprocal);
+        let first = planes[backward].sub(splat(slab.near(axis))).mul(reciprocal);
+        let last = planes[backward ^ 1].sub(splat(slab.far(axis))).mul(reciprocal);
         entry = first.max(entry);
         exit = last.min(exit);
     }

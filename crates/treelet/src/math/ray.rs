@@ -45,7 +45,7 @@ impl Ray {
     }
 
     /// Whether the ray can hit anything at all; one that cannot is answered as a miss.
-    #[inline]
+    #[inline(always)]
     pub fn is_valid(&self) -> bool {
         /// Components from 2^-128 down have an infinite reciprocal, so the slab test takes them for
         /// zero. At 2^-28 of the longest component that moves no point by more than `u R / 16`
@@ -53,16 +53,18 @@ impl Ray {
         const SHORTEST: f32 = f32::from_bits(27 << 23);
         /// Beyond, the reciprocal of the longest component is no normal f32.
         const LONGEST: f32 = f32::from_bits(247 << 23);
-        let [x, y, z] = self.direction.map(f32::abs);
-        // Comparisons with NaN are false, so the checks are written to ask for what is good.
-        let longest = x.max(y).max(z);
-        // `f32::max` drops NaN; the sum does not, and it overflows only beyond LONGEST.
-        let sum = x + y + z;
-        let [a, b, c] = self.origin.map(f32::abs);
-        (a < f32::INFINITY && b < f32::INFINITY && c < f32::INFINITY)
-            && (SHORTEST..=LONGEST).contains(&longest)
-            && sum < f32::INFINITY
-            && self.t_min <= self.t_max
+        let [x, y, z] = [self.direction[0], self.direction[1], self.direction[2]];
+        let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+        let [a, b, c] = [self.origin[0].abs(), self.origin[1].abs(), self.origin[2].abs()];
+        // Comparisons with NaN are false, so all ask for what is good; `&` since no branch pays.
+        (x <= LONGEST)
+            & (y <= LONGEST)
+            & (z <= LONGEST)
+            & ((x >= SHORTEST) | (y >= SHORTEST) | (z >= SHORTEST))
+            & (a < f32::INFINITY)
+            & (b < f32::INFINITY)
+            & (c < f32::INFINITY)
+            & (self.t_min <= self.t_max)
     }
 }
 

@@ -16,11 +16,24 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx2(()))
 }
 
+/// The same, never inlined.
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn call<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx2(()))
+}
+
 impl Simd for Avx2 {
     type F4 = F4;
     type F8 = F8;
     type F16 = Two<F8>;
     type D4 = D4;
+
+    #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { call(kernel) }
+    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

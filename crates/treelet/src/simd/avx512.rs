@@ -14,11 +14,24 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx512(()))
 }
 
+/// The same, never inlined.
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn call<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx512(()))
+}
+
 impl Simd for Avx512 {
     type F4 = F4;
     type F8 = F8;
     type F16 = F16;
     type D4 = D4;
+
+    #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { call(kernel) }
+    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

@@ -98,6 +98,10 @@ pub(crate) trait Simd: Copy {
     /// 4 lanes of f64.
     type D4: Doubles<Token = Self, Narrow = Self::F4>;
 
+    /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
+    /// that loop its registers.
+    fn call<K: Kernel>(self, kernel: K) -> K::Output;
+
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);
 

@@ -1,7 +1,7 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Simd, compress_by_bits};
+use super::{Doubles, Floats, Kernel, Simd, compress_by_bits};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
@@ -12,6 +12,11 @@ impl Simd for Scalar {
     type F8 = Two<Lanes>;
     type F16 = Two<Two<Lanes>>;
     type D4 = DoubleLanes;
+
+    #[inline(never)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        kernel.run(self)
+    }
 
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}

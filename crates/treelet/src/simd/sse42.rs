@@ -14,11 +14,24 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Sse42(()))
 }
 
+/// The same, never inlined.
+#[target_feature(enable = "sse4.2,popcnt")]
+#[inline(never)]
+fn call<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Sse42(()))
+}
+
 impl Simd for Sse42 {
     type F4 = F4;
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
+
+    #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { call(kernel) }
+    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

@@ -122,13 +122,16 @@ impl Slack {
     pub(crate) fn at(&self, origin: [f32; 3], reach: &Aabb) -> f32 {
         let to_lo = vec3::max_abs(vec3::sub(reach.lo, origin));
         let to_hi = vec3::max_abs(vec3::sub(reach.hi, origin));
-        let distance = to_lo.max(to_hi);
+        let distance = if to_lo > to_hi { to_lo } else { to_hi };
         let near = UNIT_ROUNDOFF * SLACK * distance;
-        let beyond = f64::from(distance) - self.near.reach;
-        if self.far_share == 0.0 || beyond <= 0.0 {
-            return near;
-        }
-        near + crate::math::rounding::up(f64::from(UNIT_ROUNDOFF) * self.far_share * beyond)
+        if self.far_share == 0.0 { near } else { near + self.beyond(distance) }
+    }
+
+    /// What rays from far away need on top.
+    #[cold]
+    fn beyond(&self, distance: f32) -> f32 {
+        let beyond = (f64::from(distance) - self.near.reach).max(0.0);
+        crate::math::rounding::up(f64::from(UNIT_ROUNDOFF) * self.far_share * beyond)
     }
 }
 

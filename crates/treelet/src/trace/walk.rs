@@ -14,8 +14,8 @@ use super::counters::Count;
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
 use crate::bounds::{Interval, SlabRay};
-use crate::geometry::block;
-use crate::layout::wide::{Child, ChildKind, Node, Wide as WideTree};
+use crate::geometry::block::{self, Block};
+use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
 use crate::simd::{Floats, Wide};
@@ -99,12 +99,11 @@ impl<F> Lanes<F> {
     where
         F: Floats<W, Token = S>,
     {
-        let splat = |[x, y, z]: [f32; 3]| [F::splat(simd, x), F::splat(simd, y), F::splat(simd, z)];
         let [x, y, z] = ray.backward;
         Self {
-            near: splat(ray.near),
-            far: splat(ray.far),
-            reciprocal: splat(ray.reciprocal),
+            near: splat(simd, [ray.near(0), ray.near(1), ray.near(2)]),
+            far: splat(simd, [ray.far(0), ray.far(1), ray.far(2)]),
+            reciprocal: splat(simd, ray.reciprocal),
             backward: [usize::from(x), usize::from(y), usize::from(z)],
         }
     }
@@ -129,6 +128,12 @@ impl<F> Lanes<F> {
     }
 }
 
+/// Each in all lanes. (A function, since closures in kernels may end up outside of them.)
+#[inline(always)]
+fn splat<F: Floats<W>, const W: usize>(token: F::Token, [x, y, z]: [f32; 3]) -> [F; 3] {
+    [F::splat(token, x), F::splat(token, y), F::splat(token, z)]
+}
+
 /// Shows the visitor every hit of a valid ray that it could want, in no particular order.
 #[inline(always)]
 pub(crate) fn walk<'a, S, V, C, const W: usize>(
@@ -146,7 +151,6 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     let Some(wide) = structure.layout.get() else { return };
     let prepared = Prepared::new(ray, structure);
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
-    let mut lanes = Lanes::new(simd, &frame.ray.slab);
     let t_min = S::F::splat(simd, ray.t_min);
     let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
@@ -154,39 +158,41 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     let mut stack = Stack::new(&mut stack);
     let mut next = wide.root;
     loop {
-        // Go down to a leaf.
-        while next.is_inner() {
-            let Some(node) = frame.wide.nodes.get(next.0 as usize) else { return };
-            counters.node();
-            let t_max = S::F::splat(simd, visitor.t_max());
-            let (mask, entry) = lanes.test(simd, node, t_min, t_max);
-            if C::LISTENS {
-                report(&frame.ray.slab, node, mask, counters);
+        // One level, until the ray leaves it or enters another.
+        let lanes = Lanes::new(simd, &frame.ray.slab);
+        let nodes = &*frame.wide.nodes;
+        loop {
+            // Go on to the next leaf. Nothing is called here, so the lanes stay in registers.
+            while next.is_inner() && !stack.is_tight::<W>() {
+                let Some(node) = nodes.get(next.0 as usize) else { return };
+                counters.node();
+                let t_max = S::F::splat(simd, visitor.t_max());
+                let (mask, entry) = lanes.test(simd, node, t_min, t_max);
+                if C::LISTENS {
+                    report(&frame.ray.slab, node, mask, counters);
+                }
+                next = if mask == 0 {
+                    pop(visitor, &mut stack, counters)
+                } else if V::NEAREST_FIRST {
+                    nearest_first(simd, node, mask, entry, &mut stack)
+                } else {
+                    largest_first(simd, node, mask, &mut stack)
+                };
             }
-            let nearest = if V::NEAREST_FIRST {
-                nearest_first(simd, node, mask, entry, &mut stack)
-            } else {
-                largest_first(simd, node, mask, &mut stack)
-            };
-            match nearest.or_else(|| pop(visitor, &mut stack, counters)) {
-                Some(child) => next = child,
-                None => return,
-            }
-        }
 
-        match next.kind() {
-            _ if next == Child::END => {
-                // The end of a level, or of the tree of nothing.
-                let Some(outer) = frames.pop() else { return };
-                frame = outer;
-                lanes = Lanes::new(simd, &frame.ray.slab);
-            }
-            ChildKind::Leaf { first, count } if first < frame.wide.triangles => {
+            let (first, count) = match next.kind() {
+                ChildKind::Leaf { first, count } => (first, count),
+                ChildKind::Inner { .. } => {
+                    stack.make_room::<W>();
+                    continue;
+                }
+            };
+            if first < frame.wide.triangles {
                 counters.leaf(count);
                 let rows = frame.wide.block(first);
                 let range = Interval { entry: ray.t_min, exit: visitor.t_max() };
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
-                let hits = block::hit(simd, rows, count, triangle, slab, clip, &range);
+                let hits = simd.call(Block { rows, count, ray: triangle, slab, clip, range });
                 let mut mask = hits.mask;
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize % block::LANES;
@@ -202,29 +208,87 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
                         return;
                     }
                 }
+                next = pop(visitor, &mut stack, counters);
+                continue;
             }
-            ChildKind::Leaf { first, count } => {
-                let at = first - frame.wide.triangles;
-                if count > 1 {
-                    counters.leaf(0);
-                    push_instances(&frame, at, count, ray, visitor, &mut stack, counters);
-                } else if let Some(inner) = enter(&frame, at, ray, visitor) {
-                    counters.instance();
+
+            if next == Child::NONE {
+                let Some(pending) = stack.pop() else { return };
+                next = pending.child();
+                continue;
+            }
+            if next == Child::END {
+                let Some(outer) = frames.pop() else { return };
+                frame = outer;
+                next = pop(visitor, &mut stack, counters);
+                break;
+            }
+            match open_instances(&frame, first, count, ray, visitor, counters) {
+                Opened::Several(instances, count) => {
+                    instances.iter().take(count).for_each(|pending| stack.push(*pending));
+                    next = pop(visitor, &mut stack, counters);
+                }
+                Opened::One(inner) => {
                     stack.push(Pending::new(Child::END.0, f32::NEG_INFINITY.to_bits()));
-                    let root = inner.wide.root;
-                    stack.push(Pending::new(root.0, f32::NEG_INFINITY.to_bits()));
                     frames.push(frame);
+                    next = inner.wide.root;
                     frame = inner;
-                    lanes = Lanes::new(simd, &frame.ray.slab);
+                    break;
                 }
             }
-            ChildKind::Inner { .. } => {}
-        }
-        match pop(visitor, &mut stack, counters) {
-            Some(child) => next = child,
-            None => return,
         }
     }
+}
+
+/// What a leaf of instances makes of the walk.
+enum Opened<'a, const W: usize> {
+    /// Leaves of one each, to be stacked.
+    Several([Pending; LEAF_MAX], usize),
+    /// The level inside.
+    One(Frame<'a, W>),
+}
+
+/// Enters an instance, or makes leaves of one each of a leaf of several.
+#[inline(never)]
+fn open_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
+    frame: &Frame<'a, W>,
+    first: usize,
+    count: usize,
+    ray: &Ray,
+    visitor: &V,
+    counters: &mut C,
+) -> Opened<'a, W>
+where
+    Layout: Get<W>,
+{
+    let at = first - frame.wide.triangles;
+    let mut several = [Pending(0); LEAF_MAX];
+    let mut len = 0;
+    if count == 1 {
+        if let Some(inner) = enter(frame, at, ray, visitor) {
+            counters.instance();
+            return Opened::One(inner);
+        }
+        return Opened::Several(several, 0);
+    }
+    counters.leaf(0);
+    for at in at..at + count {
+        let instance = &frame.structure.instances[frame.structure.leaf_instances[at] as usize];
+        if instance.mask & ray.mask == 0 {
+            continue;
+        }
+        let inside = frame.ray.slab.interval(&instance.bounds);
+        if inside.is_empty() {
+            counters.box_culls(1);
+        } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
+            counters.t_culls(1);
+        } else if let Some(place) = several.get_mut(len) {
+            let child = Child::leaf(frame.wide.triangles + at, 1);
+            *place = Pending::new(child.0, inside.entry.to_bits());
+            len += 1;
+        }
+    }
+    Opened::Several(several, len)
 }
 
 /// Stacks the children of the mask so that nearer ones come first; returns the nearest.
@@ -235,13 +299,10 @@ fn nearest_first<S: Wide<W>, const W: usize>(
     mask: u32,
     entry: S::F,
     stack: &mut Stack<'_, Pending, STACK_NEAR>,
-) -> Option<Child> {
-    if mask == 0 {
-        return None;
-    }
+) -> Child {
     // Most nodes have one child that is met: no sorting, no distances.
     if mask & (mask - 1) == 0 {
-        return Some(node.children[mask.trailing_zeros() as usize % W]);
+        return node.children[mask.trailing_zeros() as usize % W];
     }
     let children = simd.compress(mask, &words(&node.children));
     let entries = simd.compress(mask, &bits(entry.lanes()));
@@ -249,15 +310,15 @@ fn nearest_first<S: Wide<W>, const W: usize>(
     let (mut nearest, farther) = ordered(key(0), key(1));
     let count = mask.count_ones() as usize;
     if count == 2 {
-        stack.push(farther);
-        return Some(nearest.child());
+        stack.push_near(farther);
+        return nearest.child();
     }
     if count == 3 {
         let (near, far) = ordered(nearest, key(2));
         let (far, farthest) = ordered(farther, far);
-        stack.push(farthest);
-        stack.push(far);
-        return Some(near.child());
+        stack.push_near(farthest);
+        stack.push_near(far);
+        return near.child();
     }
     // Rarely more: insertion, the farthest first.
     let mut sorted = [farther; W];
@@ -272,7 +333,7 @@ fn nearest_first<S: Wide<W>, const W: usize>(
         sorted[at % W] = far;
     }
     stack.push_first(sorted, count - 1);
-    Some(nearest.child())
+    nearest.child()
 }
 
 /// The children as plain words.
@@ -308,32 +369,29 @@ fn largest_first<S: Wide<W>, const W: usize>(
     node: &Node<W>,
     mask: u32,
     stack: &mut Stack<'_, Pending, STACK_NEAR>,
-) -> Option<Child> {
-    if mask == 0 {
-        return None;
-    }
+) -> Child {
     let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
     let mut rest = mask & !(1 << largest);
     let _ = simd;
     while rest != 0 {
         let at = rest.trailing_zeros() as usize;
         rest &= rest - 1;
-        stack.push(Pending::new(node.children[at % W].0, f32::NEG_INFINITY.to_bits()));
+        stack.push_near(Pending::new(node.children[at % W].0, f32::NEG_INFINITY.to_bits()));
     }
-    Some(node.children[largest % W])
+    node.children[largest % W]
 }
 
-/// The next child that may still matter; `None` ends the walk.
+/// The next child that may still matter; [`Child::NONE`] if none is near.
 #[inline(always)]
 fn pop<'a, V: Visitor<'a>, C: Count>(
     visitor: &V,
     stack: &mut Stack<'_, Pending, STACK_NEAR>,
     counters: &mut C,
-) -> Option<Child> {
+) -> Child {
     loop {
-        let pending = stack.pop()?;
+        let Some(pending) = stack.pop_near() else { return Child::NONE };
         if !V::NEAREST_FIRST || pending.entry() <= visitor.t_max() {
-            return Some(pending.child());
+            return pending.child();
         }
         counters.t_culls(1);
     }
@@ -355,39 +413,7 @@ fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, co
     }
 }
 
-/// Puts the instances of a leaf on the stack: each is entered when it is popped.
-#[cold]
-#[inline(never)]
-fn push_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
-    frame: &Frame<'a, W>,
-    first: usize,
-    count: usize,
-    ray: &Ray,
-    visitor: &V,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
-    counters: &mut C,
-) {
-    let structure = frame.structure;
-    for at in first..first + count {
-        let instance = &structure.instances[structure.leaf_instances[at] as usize];
-        if instance.mask & ray.mask == 0 {
-            continue;
-        }
-        let inside = frame.ray.slab.interval(&instance.bounds);
-        if inside.is_empty() {
-            counters.box_culls(1);
-        } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
-            counters.t_culls(1);
-        } else {
-            let child = Child::leaf(frame.wide.triangles + at, 1);
-            stack.push(Pending::new(child.0, inside.entry.to_bits()));
-        }
-    }
-}
-
 /// The level inside an instance, if the ray has business there.
-#[cold]
-#[inline(never)]
 fn enter<'a, V: Visitor<'a>, const W: usize>(
     frame: &Frame<'a, W>,
     at: usize,
