@@ -385,11 +385,12 @@ impl Build<'_> {
     ) -> Result<Option<(Sides, usize)>, Cancelled> {
         let grid = Grid::new(&extent.centers, self.options.bins as usize);
         let mut sides = Sides { left: Extent::EMPTY, right: Extent::EMPTY, made: 0 };
-        let (mut right, mut end) = (0, refs.len());
+        let (mut right, mut end, mut steps) = (0, refs.len(), 0);
         while right < end {
-            if (right + refs.len() - end) % CHUNK == 0 {
+            if steps % CHUNK == 0 {
                 self.stage.check()?;
             }
+            steps += 1;
             let bounds = refs[right].bounds;
             if grid.bin(bounds.center()[plane.axis], plane.axis) < plane.bin {
                 end -= 1;

@@ -106,14 +106,13 @@ impl Pairs {
         };
         let count = nodes.len().div_ceil(2);
         let mut pairs = memory::try_with_capacity(count, "the rearranged tree")?;
-        let mut parents = memory::try_with_capacity(count, "parents of the rearranged tree")?;
+        let parents = memory::try_filled(0, count, "parents of the rearranged tree")?;
         pairs.push(Pair([Place::NOTHING, place(&nodes[0])]));
         for chunk in nodes[1..].chunks(CHUNK) {
             cancel.check()?;
             let siblings = chunk.chunks_exact(2);
             pairs.extend(siblings.map(|pair| Pair([place(&pair[0]), place(&pair[1])])));
         }
-        parents.resize(pairs.len(), 0);
         let mut out = Self { pairs, parents, prims };
         for id in (ROOT..=nodes.len() as Id).rev() {
             if id % CHUNK as Id == 0 {
