@@ -288,7 +288,8 @@ fn a_build_stops_soon_after_it_is_told_to() {
             let moment = Duration::from_secs_f32(random.unit() * latest_ms / 1000.0);
             let cancel = Cancel::new();
             let context = Context { cancel: cancel.clone(), progress: None };
-            let options = BuildOptions { builder, context, ..BuildOptions::default() };
+            let options =
+                BuildOptions { builder: Some(builder), context, ..BuildOptions::default() };
             let (asked, answer) = std::thread::scope(|scope| {
                 let other = scope.spawn(|| {
                     std::thread::sleep(moment);

@@ -41,7 +41,7 @@ fn random_map(random: &mut Random, least: f32, most: f32) -> Affine {
 /// A scene for every way in which instances can be awkward.
 fn scenes(builder: &dyn build::Builder) -> Vec<(&'static str, Scene)> {
     let make = |scene: SceneBuilder| {
-        scene.build(&BuildOptions { builder, ..BuildOptions::default() }).unwrap()
+        scene.build(&BuildOptions { builder: Some(builder), ..BuildOptions::default() }).unwrap()
     };
     let only = |shape: &Shape| make(Scene::builder().mesh(mesh(shape)));
     let sphere = only(&closed::sphere(16, 8));

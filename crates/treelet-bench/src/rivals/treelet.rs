@@ -6,11 +6,11 @@
 //! The single-ray calls go through a function that is never inlined, so that a loop over rays gains
 //! nothing that a renderer's code would not.
 
-use treelet::build::{self, Builder};
+use treelet::build;
 use treelet::layout;
 use treelet::scene::LayoutChoice;
 use treelet::simd::Level;
-use treelet::{BuildOptions, Hit, Mesh, Ray, Scene};
+use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
 
 use crate::engine::{
     Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
@@ -25,7 +25,7 @@ pub const NAME: &str = "treelet";
 
 /// The variant that users get without asking.
 pub fn default_variant() -> &'static str {
-    BuildOptions::default().builder.info().name
+    Quality::default().name()
 }
 
 impl Engine for Treelet {
@@ -49,7 +49,8 @@ impl Engine for Treelet {
     }
 
     fn usual_variants(&self) -> Vec<String> {
-        build::ALL.iter().map(|builder| builder.info().name.to_owned()).collect()
+        let builders = build::ALL.iter().map(|builder| builder.info().name);
+        Quality::ALL.map(Quality::name).into_iter().chain(builders).map(str::to_owned).collect()
     }
 
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
@@ -66,8 +67,12 @@ fn layouts() -> impl Iterator<Item = (&'static str, LayoutChoice)> {
 /// What a variant's name asks for; `None` if a word of it is not known.
 fn options(variant: &str) -> Option<BuildOptions<'static>> {
     let mut words = variant.split(' ');
-    let builder: &dyn Builder = build::by_name(words.next()?)?;
-    let mut options = BuildOptions { builder, ..BuildOptions::default() };
+    let mut options = BuildOptions::default();
+    let word = words.next()?;
+    match Quality::by_name(word) {
+        Some(quality) => options.quality = quality,
+        None => options.builder = Some(build::by_name(word)?),
+    }
     for word in words {
         match (layouts().find(|(name, _)| *name == word), Level::by_name(word)) {
             (Some((_, layout)), _) => options.layout = Some(layout),

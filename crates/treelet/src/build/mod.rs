@@ -5,6 +5,7 @@
 
 mod bins;
 mod bottom_up;
+pub mod clip;
 mod curve_leaves;
 mod curve_order;
 mod groups;
@@ -12,6 +13,8 @@ mod lanes;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod top_down;
+
+pub use clip::Clip;
 
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context};
@@ -40,6 +43,22 @@ pub trait Builder: Sync {
     ///
     /// An option out of range, too many primitives, cancellation, memory.
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError>;
+
+    /// The same for primitives that can be cut. A builder that cuts may put a primitive into several
+    /// leaves, whose boxes then contain a part of it each, and all of it together; all others do
+    /// not look at `clip`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Builder::build`].
+    fn build_clipped(
+        &self,
+        bounds: &[Aabb],
+        _clip: &dyn Clip,
+        context: &Context<'_>,
+    ) -> Result<Tree, BuildError> {
+        self.build(bounds, context)
+    }
 }
 
 /// Why there is no tree.
@@ -85,6 +104,7 @@ catalogue! {
     binned_sah::BinnedSah,
     lbvh::Lbvh,
     hploc::Hploc,
+    split_sah::SplitSah,
 }
 
 /// The builder of that name, with its default options.
@@ -101,7 +121,7 @@ fn check_leaf_max(leaf_max: u32) -> Result<(), BuildError> {
 }
 
 /// Checks an option against what is allowed; NaN is not.
-fn check_option(
+pub(crate) fn check_option(
     option: &'static str,
     value: f64,
     range: core::ops::RangeInclusive<f64>,

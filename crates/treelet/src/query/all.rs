@@ -31,4 +31,18 @@ pub(crate) fn all(structure: &Structure, ray: &Ray, hits: &mut Vec<Hit>) {
     let start = hits.len();
     ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
     hits[start..].sort_unstable_by(Hit::cmp_along_ray);
+    drop_repeated(hits, start);
+}
+
+/// Keeps one of each run of equals from `start` on: what lies in several leaves is met in each of
+/// them, with the same bits.
+fn drop_repeated(hits: &mut Vec<Hit>, start: usize) {
+    let mut kept = start;
+    for at in start..hits.len() {
+        if kept == start || hits[kept - 1].id() != hits[at].id() {
+            hits[kept] = hits[at];
+            kept += 1;
+        }
+    }
+    hits.truncate(kept);
 }

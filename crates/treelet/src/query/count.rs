@@ -4,6 +4,7 @@ use super::ask_simply;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
+use alloc::vec::Vec;
 use core::ops::ControlFlow;
 
 struct Counting {
@@ -19,7 +20,7 @@ impl<'a> Visitor<'a> for Counting {
     }
 
     fn hit(&mut self, _: Found<'a>) -> ControlFlow<()> {
-        // Leaves share no primitive, so each is offered once.
+        // Leaves share no primitive here, so each is offered once.
         self.hits += 1;
         ControlFlow::Continue(())
     }
@@ -27,6 +28,12 @@ impl<'a> Visitor<'a> for Counting {
 
 /// The number of hits that [`super::all::all`] would list.
 pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
+    // Where a primitive may lie in several leaves, only a list tells which were counted before.
+    if structure.repeats {
+        let mut hits = Vec::new();
+        super::all::all(structure, ray, &mut hits);
+        return hits.len() as u64;
+    }
     let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
     ask_simply(structure, ray, &mut visitor, &mut ());
     visitor.hits

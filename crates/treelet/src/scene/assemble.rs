@@ -3,6 +3,7 @@
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::gather::{Prims, add_triangles};
 use super::place::{Placements, place_instances};
+use super::quality::Cuttable;
 use super::report::BuildReport;
 use super::{Scene, SceneError};
 use crate::bounds::Aabb;
@@ -24,7 +25,9 @@ pub(super) fn assemble(
     options: &BuildOptions<'_>,
 ) -> Result<Scene, SceneError> {
     let total = Stopwatch::start();
-    let mut report = BuildReport { builder: options.builder.info().name, ..Default::default() };
+    let plan = options.plan();
+    let mut report = BuildReport { plan: plan.to_string(), ..Default::default() };
+    report.builder = plan.builder.info().name;
 
     // Check and box what the leaves will hold: triangles first, then instances.
     let mut prims = Prims::default();
@@ -43,7 +46,8 @@ pub(super) fn assemble(
 
     // Build the tree and pack it.
     let tree_time = Stopwatch::start();
-    let tree = options.builder.build(&prims.bounds, &options.context)?;
+    let cut = Cuttable { meshes: &description.meshes, names: &prims.names, bounds: &prims.bounds };
+    let tree = plan.build(&prims.bounds, &cut, &options.context)?;
     report.tree_time = tree_time.elapsed();
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
@@ -100,7 +104,10 @@ fn finish(
     }
     let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
 
+    let repeats = tree.prims.len() > prims.bounds.len()
+        || instances.iter().any(|instance| instance.structure.repeats);
     Ok(Structure {
+        repeats,
         level,
         unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
         geometries,
