@@ -121,6 +121,9 @@ pub(crate) trait Simd: Copy {
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);
 
+    /// Whether `compress` is an instruction.
+    const COMPRESSES: bool;
+
     /// The items whose bits are set in `mask`, in order, then others.
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];
 }
