@@ -41,6 +41,7 @@ impl Simd for Avx2 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
 
+    const WIDE_DOUBLES: bool = true;
     const COMPRESSES: bool = false;
 
     #[inline(always)]

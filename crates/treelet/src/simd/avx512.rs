@@ -39,6 +39,7 @@ impl Simd for Avx512 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
 
+    const WIDE_DOUBLES: bool = true;
     const COMPRESSES: bool = true;
 
     #[inline(always)]

@@ -114,6 +114,9 @@ pub(crate) trait Simd: Copy {
     /// 4 lanes of f64.
     type D4: Doubles<Token = Self, Narrow = Self::F4>;
 
+    /// Whether four f64 are one vector.
+    const WIDE_DOUBLES: bool;
+
     /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
     /// that loop its registers.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;

@@ -21,6 +21,7 @@ impl Simd for Scalar {
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}
 
+    const WIDE_DOUBLES: bool = false;
     const COMPRESSES: bool = false;
 
     #[inline(always)]

@@ -39,6 +39,7 @@ impl Simd for Sse42 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
 
+    const WIDE_DOUBLES: bool = false;
     const COMPRESSES: bool = false;
 
     #[inline(always)]
