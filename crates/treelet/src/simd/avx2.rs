@@ -3,7 +3,7 @@
 //! FMA is not enabled: nothing here may fuse, and the compiler never fuses by itself.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where AVX2 does.
@@ -23,6 +23,13 @@ fn call<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx2(()))
 }
 
+/// A function, never inlined.
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Avx2(()), a, b, c, d)
+}
+
 impl Simd for Avx2 {
     type F4 = F4;
     type F8 = F8;
@@ -33,6 +40,12 @@ impl Simd for Avx2 {
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         // SAFETY: the token shows that the processor has the instructions.
         unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { apply::<F>(a, b, c, d) }
     }
 
     #[inline(always)]

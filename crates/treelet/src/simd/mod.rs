@@ -103,6 +103,19 @@ pub(crate) trait Doubles: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
+/// A function that is generic in the instruction set: see [`Simd::apply`]. Each argument should be at
+/// most two words.
+pub(crate) trait Function {
+    type A;
+    type B;
+    type C;
+    type D;
+    type Output;
+
+    /// Does the work. To be `#[inline(always)]`.
+    fn run<S: Simd>(simd: S, a: Self::A, b: Self::B, c: Self::C, d: Self::D) -> Self::Output;
+}
+
 /// An instruction set, as a token that shows that this processor has it.
 pub(crate) trait Simd: Copy {
     /// 4 lanes of f32.
@@ -120,6 +133,10 @@ pub(crate) trait Simd: Copy {
     /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
     /// that loop its registers.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;
+
+    /// Calls a function of its own with arguments in registers: for what is called so often that a
+    /// kernel handed over in memory would be waited for.
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output;
 
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);

@@ -1,7 +1,7 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
@@ -16,6 +16,11 @@ impl Simd for Scalar {
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         kernel.run(self)
+    }
+
+    #[inline(never)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        F::run(self, a, b, c, d)
     }
 
     #[inline(always)]

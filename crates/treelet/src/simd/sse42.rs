@@ -1,7 +1,7 @@
 //! SSE4.2: x86-64 processors since 2009. Vectors of 4 f32 or 2 f64.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where SSE4.2 does.
@@ -21,6 +21,13 @@ fn call<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Sse42(()))
 }
 
+/// A function, never inlined.
+#[target_feature(enable = "sse4.2,popcnt")]
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Sse42(()), a, b, c, d)
+}
+
 impl Simd for Sse42 {
     type F4 = F4;
     type F8 = Two<F4>;
@@ -31,6 +38,12 @@ impl Simd for Sse42 {
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         // SAFETY: the token shows that the processor has the instructions.
         unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { apply::<F>(a, b, c, d) }
     }
 
     #[inline(always)]

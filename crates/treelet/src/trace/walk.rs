@@ -13,8 +13,8 @@
 use super::counters::Count;
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::bounds::{Interval, SlabRay};
-use crate::geometry::block::{self, Block};
+use crate::bounds::SlabRay;
+use crate::geometry::block::{self, BlockTest};
 use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
@@ -221,9 +221,10 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
             if first < frame.wide.triangles {
                 counters.leaf(count);
                 let rows = frame.wide.block(first);
-                let range = Interval { entry: ray.t_min, exit: visitor.t_max() };
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
-                let hits = simd.call(Block { rows, count, ray: triangle, slab, clip, range });
+                let range = (ray.t_min, visitor.t_max());
+                let hits =
+                    simd.apply::<BlockTest<'_, _>>((rows, count), (triangle, slab), clip, range);
                 let mut mask = hits.mask;
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize % block::LANES;
