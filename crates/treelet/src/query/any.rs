@@ -3,11 +3,12 @@
 use super::{ask, ask_simply};
 use crate::math::Ray;
 use crate::trace::Counters;
+use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
 use core::ops::ControlFlow;
 
-struct Any {
+pub(crate) struct Any {
     t_max: f32,
     found: bool,
 }
@@ -44,4 +45,25 @@ pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters)
         ask_simply(structure, ray, &mut visitor, counters);
     }
     visitor.found
+}
+
+/// The answers to a slice of rays, so far; no to begin with.
+pub(crate) struct Many<'h> {
+    pub(crate) answers: &'h mut [bool],
+}
+
+impl<'a> Answers<'a> for Many<'_> {
+    type Visitor = Any;
+
+    #[inline(always)]
+    fn visitor(&self, _: usize, t_max: f32) -> Any {
+        Any { t_max, found: false }
+    }
+
+    /// Nothing matters any more to a ray with a hit.
+    #[inline(always)]
+    fn settle(&mut self, slot: usize, visitor: Any) -> f32 {
+        self.answers[slot] |= visitor.found;
+        if visitor.found { f32::NEG_INFINITY } else { visitor.t_max }
+    }
 }

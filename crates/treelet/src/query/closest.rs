@@ -4,12 +4,13 @@ use super::{ask, ask_simply};
 use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::trace::Counters;
+use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
 use core::ops::ControlFlow;
 
 /// The answer so far: a miss at the ray's end.
-struct Closest<'a> {
+pub(crate) struct Closest<'a> {
     t: f32,
     best: Option<Found<'a>>,
 }
@@ -53,6 +54,32 @@ pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters)
     let mut visitor = Closest { t: ray.t_max, best: None };
     ask_simply(structure, ray, &mut visitor, counters);
     visitor.best.map(Hit::from)
+}
+
+/// The answers to a slice of rays, so far; misses to begin with.
+pub(crate) struct Many<'h> {
+    pub(crate) hits: &'h mut [Hit],
+}
+
+impl<'a> Answers<'a> for Many<'_> {
+    type Visitor = Closest<'a>;
+
+    #[inline(always)]
+    fn visitor(&self, _: usize, t_max: f32) -> Closest<'a> {
+        Closest { t: t_max, best: None }
+    }
+
+    #[inline(always)]
+    fn settle(&mut self, slot: usize, visitor: Closest<'a>) -> f32 {
+        if let Some(found) = visitor.best {
+            let (hit, best) = (Hit::from(found), &mut self.hits[slot]);
+            // Of hits at the same `t`, the smallest id; a miss has the largest.
+            if hit.t < best.t || hit.id() < best.id() {
+                *best = hit;
+            }
+        }
+        visitor.t
+    }
 }
 
 impl From<Found<'_>> for Hit {

@@ -49,6 +49,22 @@ impl Simd for Avx512 {
         }
         out
     }
+
+    #[inline(always)]
+    fn select(self, bits: u32, masks: &[u32; 16], items: &[u32; 16]) -> ([u32; 16], usize) {
+        let mut out = [0; 16];
+        // SAFETY: the token shows that the processor has the instructions; 16 lanes are readable
+        // and writable.
+        let chosen = unsafe {
+            let bits = _mm512_set1_epi32(bits as i32);
+            let chosen = _mm512_test_epi32_mask(_mm512_loadu_epi32(masks.as_ptr().cast()), bits);
+            let items = _mm512_loadu_epi32(items.as_ptr().cast());
+            let packed = _mm512_maskz_compress_epi32(chosen, items);
+            _mm512_storeu_epi32(out.as_mut_ptr().cast(), packed);
+            chosen
+        };
+        (out, chosen.count_ones() as usize)
+    }
 }
 
 /// 4 x f32.

@@ -103,6 +103,17 @@ pub(crate) trait Simd: Copy {
 
     /// The items whose bits are set in `mask`, in order, then others.
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];
+
+    /// The items whose mask shares a bit with `bits`, in order, then others; and how many.
+    #[inline(always)]
+    fn select(self, bits: u32, masks: &[u32; 16], items: &[u32; 16]) -> ([u32; 16], usize) {
+        let (mut out, mut len) = ([0; 16], 0);
+        for i in 0..16 {
+            out[len % 16] = items[i];
+            len += usize::from(masks[i] & bits != 0);
+        }
+        (out, len)
+    }
 }
 
 /// The vector of `W` lanes of a level: what makes a kernel generic in its width.

@@ -39,6 +39,7 @@ impl Kernel for Everything {
         for mask in 0..=0xFFFF {
             bits.extend(packed::<S, 16>(simd, mask));
             bits.extend(packed::<S, 8>(simd, mask & 0xFF));
+            bits.extend(selected(simd, mask));
         }
         simd.prefetch(bits.as_ptr());
         bits
@@ -80,6 +81,15 @@ fn packed<S: Simd, const W: usize>(simd: S, mask: u32) -> Vec<u64> {
     let items = core::array::from_fn(|lane| 100 + lane as u32);
     let packed: [u32; W] = simd.compress(mask, &items);
     packed.iter().take(mask.count_ones() as usize).map(|&item| u64::from(item)).collect()
+}
+
+/// The items whose mask, one of many, shares a bit.
+#[inline(always)]
+fn selected<S: Simd>(simd: S, bits: u32) -> Vec<u64> {
+    let masks = core::array::from_fn(|lane| (lane as u32 * 0x9E37 + 1) >> 3 & 0xFFFF);
+    let items = core::array::from_fn(|lane| 100 + lane as u32);
+    let (selected, count) = simd.select(bits, &masks, &items);
+    selected.iter().take(count).map(|&item| u64::from(item)).collect()
 }
 
 #[test]

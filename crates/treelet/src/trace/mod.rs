@@ -3,6 +3,7 @@
 pub mod counters;
 pub(crate) mod prepared;
 pub(crate) mod slack;
+pub(crate) mod stream;
 pub(crate) mod structure;
 pub(crate) mod walk;
 

@@ -145,6 +145,26 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 {
     let Some(wide) = structure.layout.get() else { return };
     let prepared = Prepared::new(ray, structure);
+    walk_from(simd, structure, prepared, wide.root, ray, visitor, counters);
+}
+
+/// [`walk`] through what is below a child of the outermost level.
+#[inline(always)]
+pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
+    simd: S,
+    structure: &'a Structure,
+    prepared: Prepared,
+    start: Child,
+    ray: &Ray,
+    visitor: &mut V,
+    counters: &mut C,
+) where
+    S: Wide<W>,
+    Layout: Get<W>,
+    V: Visitor<'a>,
+    C: Count,
+{
+    let Some(wide) = structure.layout.get() else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut lanes = Lanes::new(simd, &frame.ray.slab);
     let t_min = S::F::splat(simd, ray.t_min);
@@ -152,7 +172,7 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
-    let mut next = wide.root;
+    let mut next = start;
     loop {
         // Go down to a leaf.
         while next.is_inner() {
