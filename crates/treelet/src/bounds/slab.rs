@@ -117,7 +117,7 @@ impl SlabRay {
 }
 
 /// `(1 + WIDER's excess)` covers the roundings of the sum and the product that it is part of.
-const WIDER: f32 = 1.0 + 4.0 * f32::EPSILON;
+pub(crate) const WIDER: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 #[cfg(test)]
 mod tests {

@@ -97,7 +97,7 @@ impl EdgeRule for Closed {
 }
 
 /// The axis after each, and the one after that.
-const NEXT: [u8; 4] = [1, 2, 0, 1];
+pub(crate) const NEXT: [u8; 4] = [1, 2, 0, 1];
 
 /// A corner after the shear: the ray is the z axis.
 type Sheared = [f32; 3];
@@ -118,6 +118,12 @@ impl TriangleRay {
             shear: [pick(&direction, x) / d, pick(&direction, y) / d],
             reciprocal_z: 1.0 / f64::from(d),
         }
+    }
+
+    /// The ray whose axes, origin and shear on them, and direction along the last one are these.
+    #[inline(always)]
+    pub(crate) fn of_parts(axes: [u8; 3], origin: [f32; 3], shear: [f32; 2], along: f32) -> Self {
+        Self { axes, origin, shear, reciprocal_z: 1.0 / f64::from(along) }
     }
 
     /// The hit with the triangle under the closed edge rule, if its `t` is in `t_min ..= t_max`.

@@ -1,26 +1,47 @@
-//! Closest and any for slices of rays, as streams of one octant each.
+//! Closest and any for slices of rays, as streams of one class each: the signs of the direction, and
+//! the axis along which it is longest.
 
 use super::{any, closest};
 use crate::geometry::Hit;
 use crate::math::Ray;
+use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Kernel, Simd};
+use crate::trace::record::{CLASSES, Class};
 use crate::trace::stream::{Answers, BATCH, Room, stream};
 use crate::trace::structure::{Layout, Structure};
 use alloc::vec::Vec;
 
-/// Octants: the signs of three components.
-const OCTANTS: usize = 8;
-
-/// Rays that are sorted by octant at once.
-const PIECE: usize = 16_384;
+/// Rays that are sorted into classes at once.
+const PIECE: usize = 32_768;
 
 /// Slices shorter than this are asked ray by ray.
 const MANY: usize = 64;
 
+/// What a task works in.
+struct Work {
+    room: Room,
+    classes: Vec<u8>,
+    slots: Vec<u32>,
+}
+
+impl Work {
+    /// For so many rays.
+    fn new(len: usize) -> Result<Self, OutOfMemory> {
+        const WHAT: &str = "the classes of rays";
+        let len = len.min(PIECE);
+        let room = Room::new(len)?;
+        Ok(Self {
+            room,
+            classes: try_with_capacity(len, WHAT)?,
+            slots: try_with_capacity(len, WHAT)?,
+        })
+    }
+}
+
 /// [`closest::closest`] for each ray.
 pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]) {
-    let room = if rays.len() < MANY { None } else { Room::new(rays.len()).ok() };
-    let Some(mut room) = room else {
+    let work = if rays.len() < MANY { None } else { Work::new(rays.len()).ok() };
+    let Some(mut work) = work else {
         for (ray, out) in rays.iter().zip(hits) {
             *out = closest::closest(structure, ray).unwrap_or(Hit::MISS);
         }
@@ -28,14 +49,14 @@ pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]
     };
     for (rays, hits) in rays.chunks(PIECE).zip(hits.chunks_mut(PIECE)) {
         hits.fill(Hit::MISS);
-        streams(structure, rays, &mut closest::Many { hits }, &mut room);
+        streams(structure, rays, &mut closest::Many { hits }, &mut work);
     }
 }
 
 /// [`any::any`] for each ray.
 pub(crate) fn any_many(structure: &Structure, rays: &[Ray], answers: &mut [bool]) {
-    let room = if rays.len() < MANY { None } else { Room::new(rays.len()).ok() };
-    let Some(mut room) = room else {
+    let work = if rays.len() < MANY { None } else { Work::new(rays.len()).ok() };
+    let Some(mut work) = work else {
         for (ray, out) in rays.iter().zip(answers) {
             *out = any::any(structure, ray);
         }
@@ -43,35 +64,53 @@ pub(crate) fn any_many(structure: &Structure, rays: &[Ray], answers: &mut [bool]
     };
     for (rays, answers) in rays.chunks(PIECE).zip(answers.chunks_mut(PIECE)) {
         answers.fill(false);
-        streams(structure, rays, &mut any::Many { answers }, &mut room);
+        streams(structure, rays, &mut any::Many { answers }, &mut work);
     }
 }
 
-/// Sorts the rays by octant and walks each octant in batches.
+/// Sorts the rays into classes and walks each class in batches.
 fn streams<'a, A: Answers<'a>>(
     structure: &'a Structure,
     rays: &[Ray],
     answers: &mut A,
-    room: &mut Room,
+    work: &mut Work,
 ) {
-    let mut octants: [Vec<u32>; OCTANTS] = Default::default();
-    for (slot, ray) in rays.iter().enumerate() {
-        if ray.is_valid() {
-            let [x, y, z] = ray.direction.map(|d| usize::from(d.is_sign_negative()));
-            octants[x | y << 1 | z << 2].push(slot as u32);
-        }
+    let Work { room, classes, slots } = work;
+    // Count the rays of each class, and put them side by side, in order.
+    let mut ends = [0_usize; CLASSES + 1];
+    classes.clear();
+    for ray in rays {
+        let class = if ray.is_valid() { Class::of(ray).index() } else { CLASSES };
+        classes.push(class as u8);
+        ends[class] += 1;
     }
-    for slots in octants.iter().flat_map(|octant| octant.chunks(BATCH)) {
-        match structure.layout {
-            Layout::Wide8(_) => {
-                let batch = Batch::<A, 8> { structure, rays, slots, answers, room };
-                structure.level.run(batch);
-            }
-            Layout::Wide16(_) => {
-                let batch = Batch::<A, 16> { structure, rays, slots, answers, room };
-                structure.level.run(batch);
+    let mut sum = 0;
+    for end in &mut ends {
+        sum += core::mem::replace(end, sum);
+    }
+    slots.clear();
+    slots.resize(rays.len(), 0);
+    for (slot, &class) in classes.iter().enumerate() {
+        let end = &mut ends[usize::from(class)];
+        slots[*end] = slot as u32;
+        *end += 1;
+    }
+
+    let mut start = 0;
+    for &end in &ends[..CLASSES] {
+        for slots in slots[start..end].chunks(BATCH) {
+            match structure.layout {
+                Layout::Wide8(_) => {
+                    let batch = Batch::<A, 8> { structure, rays, slots, answers, room };
+                    structure.level.run(batch);
+                }
+                Layout::Wide16(_) => {
+                    let batch = Batch::<A, 16> { structure, rays, slots, answers, room };
+                    structure.level.run(batch);
+                }
             }
         }
+        start = end;
     }
 }
 
@@ -92,7 +131,9 @@ macro_rules! widths {
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
                 let Self { structure, rays, slots, answers, room } = self;
-                stream::<S, A, $width>(simd, structure, rays, slots, answers, room);
+                let Some(&first) = slots.first() else { return };
+                let class = Class::of(&rays[first as usize]);
+                stream::<S, A, $width>(simd, structure, class, rays, slots, answers, room);
             }
         })*
     };

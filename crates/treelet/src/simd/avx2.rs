@@ -95,7 +95,7 @@ macro_rules! memory {
 
 impl Floats<4> for F4 {
     memory! { 4 Avx2 _mm_set1_ps _mm_loadu_ps _mm_storeu_ps }
-    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
+    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! {
         le _mm_cmp_ps _CMP_LE_OQ _mm_movemask_ps
         lt _mm_cmp_ps _CMP_LT_OQ _mm_movemask_ps
@@ -105,7 +105,7 @@ impl Floats<4> for F4 {
 impl Floats<8> for F8 {
     memory! { 8 Avx2 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }
     lanewise! {
-        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps
+        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps div _mm256_div_ps
         min _mm256_min_ps max _mm256_max_ps
     }
     compare! {
@@ -122,6 +122,12 @@ impl Doubles for D4 {
     fn splat(_: Avx2, x: f64) -> Self {
         // SAFETY: the token shows that the processor has the instruction.
         Self(unsafe { _mm256_set1_pd(x) })
+    }
+
+    #[inline(always)]
+    fn load(_: Avx2, lanes: &[f64; 4]) -> Self {
+        // SAFETY: the token shows that the processor has the instruction; 32 bytes are readable.
+        Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
     }
 
     #[inline(always)]

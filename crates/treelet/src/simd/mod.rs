@@ -45,6 +45,8 @@ pub(crate) trait Floats<const N: usize>: Copy {
     fn sub(self, other: Self) -> Self;
     /// Products.
     fn mul(self, other: Self) -> Self;
+    /// Quotients.
+    fn div(self, other: Self) -> Self;
     /// `self < other ? self : other`.
     fn min(self, other: Self) -> Self;
     /// `self > other ? self : other`.
@@ -65,6 +67,8 @@ pub(crate) trait Doubles: Copy {
 
     /// `x` in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
+    /// The lanes in order.
+    fn load(token: Self::Token, lanes: &[f64; 4]) -> Self;
     /// Exact.
     fn widen(narrow: Self::Narrow) -> Self;
     /// Rounded to the nearest f32, ties to even.
@@ -103,6 +107,22 @@ pub(crate) trait Simd: Copy {
 
     /// The items whose bits are set in `mask`, in order, then others.
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];
+
+    /// The columns of 16 rows.
+    #[inline(always)]
+    fn transpose(self, rows: &[&[f32; 16]; 16]) -> [Self::F16; 16] {
+        let mut columns = [[0.0; 16]; 16];
+        for (row, lanes) in rows.iter().enumerate() {
+            for (column, lane) in columns.iter_mut().zip(lanes.iter()) {
+                column[row] = *lane;
+            }
+        }
+        let mut out = [Self::F16::splat(self, 0.0); 16];
+        for (out, column) in out.iter_mut().zip(&columns) {
+            *out = Self::F16::load(self, column);
+        }
+        out
+    }
 
     /// The items whose mask shares a bit with `bits`, in order, then others; and how many.
     #[inline(always)]

@@ -75,6 +75,7 @@ impl Floats<4> for Lanes {
         add: a, b => a + b;
         sub: a, b => a - b;
         mul: a, b => a * b;
+        div: a, b => a / b;
         min: a, b => if a < b { a } else { b };
         max: a, b => if a > b { a } else { b };
     }
@@ -89,6 +90,11 @@ impl Doubles for DoubleLanes {
     #[inline(always)]
     fn splat(_: Scalar, x: f64) -> Self {
         Self([x; 4])
+    }
+
+    #[inline(always)]
+    fn load(_: Scalar, lanes: &[f64; 4]) -> Self {
+        Self(*lanes)
     }
 
     #[inline(always)]

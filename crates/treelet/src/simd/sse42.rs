@@ -83,7 +83,7 @@ impl Floats<4> for F4 {
         lanes
     }
 
-    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
+    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmple_ps _mm_movemask_ps lt _mm_cmplt_ps _mm_movemask_ps }
 }
 
@@ -95,6 +95,12 @@ impl TwoDoubles for D2 {
     fn splat(_: Sse42, x: f64) -> Self {
         // SAFETY: the token shows that the processor has the instruction.
         Self(unsafe { _mm_set1_pd(x) })
+    }
+
+    #[inline(always)]
+    fn load(_: Sse42, lanes: &[f64; 2]) -> Self {
+        // SAFETY: the token shows that the processor has the instruction; 16 bytes are readable.
+        Self(unsafe { _mm_loadu_pd(lanes.as_ptr()) })
     }
 
     #[inline(always)]

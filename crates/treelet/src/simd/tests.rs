@@ -41,6 +41,10 @@ impl Kernel for Everything {
             bits.extend(packed::<S, 8>(simd, mask & 0xFF));
             bits.extend(selected(simd, mask));
         }
+        let rows: [[f32; 16]; 16] =
+            core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
+        let columns = simd.transpose(&core::array::from_fn(|row| &rows[row]));
+        bits.extend(columns.iter().flat_map(|column| column.lanes()).map(narrow_bits));
         simd.prefetch(bits.as_ptr());
         bits
     }
@@ -51,7 +55,8 @@ fn floats<S: Wide<W>, const W: usize>(simd: S, shift: usize, bits: &mut Vec<u64>
     let a: [f32; W] = core::array::from_fn(|lane| ODD[lane]);
     let b: [f32; W] = core::array::from_fn(|lane| ODD[(lane + shift) % 16]);
     let [a, b] = [S::F::load(simd, &a), S::F::load(simd, &b)];
-    let all = [a.add(b), a.sub(b), a.mul(b), a.min(b), a.max(b), S::F::splat(simd, ODD[shift])];
+    let once = S::F::splat(simd, ODD[shift]);
+    let all = [a.add(b), a.sub(b), a.mul(b), a.div(b), a.min(b), a.max(b), once];
     bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
     bits.extend([u64::from(a.le(b)), u64::from(a.lt(b))]);
 }
@@ -67,6 +72,8 @@ fn doubles<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
         let all =
             [a.add(b).mul(third), a.sub(b.mul(third)), a.mul(b), a.div(b), a.min(b), a.max(b)];
         bits.extend(all.iter().flat_map(|v| v.narrow().lanes()).map(narrow_bits));
+        let loaded = S::D4::load(simd, &[0.1, -0.0, f64::from(ODD[shift]), f64::INFINITY]);
+        bits.extend(loaded.add(a).narrow().lanes().map(narrow_bits));
         bits.push(u64::from(a.lt(b)));
     }
 }
@@ -103,6 +110,17 @@ fn every_level_computes_the_same_bits() {
         levels += 1;
     }
     assert!(levels > 1 || Level::best() == Level::Scalar);
+}
+
+#[test]
+fn transposing_swaps_rows_and_columns() {
+    let rows: [[f32; 16]; 16] =
+        core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
+    let columns = super::scalar::Scalar.transpose(&core::array::from_fn(|row| &rows[row]));
+    for (column, lanes) in columns.iter().enumerate() {
+        let expected: [f32; 16] = core::array::from_fn(|row| (100 * row + column) as f32);
+        assert_eq!(lanes.lanes(), expected);
+    }
 }
 
 #[test]

@@ -2,6 +2,7 @@
 
 pub mod counters;
 pub(crate) mod prepared;
+pub(crate) mod record;
 pub(crate) mod slack;
 pub(crate) mod stream;
 pub(crate) mod structure;

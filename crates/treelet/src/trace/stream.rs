@@ -12,13 +12,17 @@
 //! Source: W. Barringer, T. Akenine-Moller, "Dynamic Ray Stream Traversal", SIGGRAPH 2014; differs:
 //! rays of different octants never share a list, short lists go on as single rays.
 
-use super::prepared::Prepared;
+use super::record::{
+    Class, FAR, NEAR, ORIGIN, RAYS, RECIPROCAL, Record, Rest, SHEAR, T_MAX, T_MIN, prepared,
+    records,
+};
 use super::structure::{Get, Layout, Structure};
 use super::walk::{Found, Visitor, walk_from};
-use crate::bounds::{Interval, SlabRay};
-use crate::geometry::{TriangleRay, block};
-use crate::layout::wide::{Child, ChildKind, Node, Wide as WideTree};
-use crate::math::{Ray, vec3};
+use crate::bounds::Interval;
+use crate::geometry::block;
+use crate::geometry::bundle::Bundle;
+use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Node, Wide as WideTree};
+use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_reserve};
 use crate::simd::{Floats, Kernel, Simd, Wide};
 use alloc::vec::Vec;
@@ -36,29 +40,19 @@ pub(crate) trait Answers<'a> {
 }
 
 /// Rays of a batch, at most: their records fill half of a usual second-level cache.
-pub(crate) const BATCH: usize = 4096;
+pub(crate) const BATCH: usize = 2048;
 
 /// Lists this short go on as single rays.
 const FEW: usize = 2;
+
+/// Fewer rays than this are tested one by one at a leaf.
+const BUNDLE_MIN: usize = 3;
 
 /// Ids of all lists that wait, at most. Lists that find no room go on as single rays.
 const IDS_MAX: usize = 32 * BATCH;
 
 /// Items that [`Simd::select`] handles at once.
 const STEP: usize = 16;
-
-/// A ray of a batch.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct Record {
-    slab: SlabRay,
-    t_min: f32,
-    /// The greatest `t` that matters by now.
-    t_max: f32,
-    /// Where the ray is in the slice.
-    slot: u32,
-    triangle: TriangleRay,
-}
 
 /// Rays that are to visit a child.
 #[derive(Clone, Copy)]
@@ -72,6 +66,7 @@ struct List {
 #[derive(Default)]
 pub(crate) struct Room {
     records: Vec<Record>,
+    rest: Vec<Rest>,
     ids: Vec<u32>,
     masks: Vec<u32>,
     lists: Vec<List>,
@@ -82,7 +77,8 @@ impl Room {
     pub(crate) fn new(len: usize) -> Result<Self, OutOfMemory> {
         const WHAT: &str = "a stream of rays";
         let mut room = Self::default();
-        try_reserve(&mut room.records, len.min(BATCH), WHAT)?;
+        try_reserve(&mut room.records, len.min(BATCH) + RAYS, WHAT)?;
+        try_reserve(&mut room.rest, len.min(BATCH) + RAYS, WHAT)?;
         try_reserve(&mut room.masks, len.min(BATCH) + STEP, WHAT)?;
         room.masks.resize(len.min(BATCH) + STEP, 0);
         let ids = (32 * len).min(IDS_MAX) + STEP;
@@ -93,11 +89,12 @@ impl Room {
     }
 }
 
-/// Asks about the rays in `slots`, valid and of one octant, at most [`BATCH`].
+/// Asks about the rays in `slots`, valid and of one class, at most [`BATCH`].
 #[inline(always)]
 pub(crate) fn stream<'a, S, A, const W: usize>(
     simd: S,
     structure: &'a Structure,
+    class: Class,
     rays: &[Ray],
     slots: &[u32],
     answers: &mut A,
@@ -109,10 +106,10 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
     for<'x, 'y> Tail<'a, 'x, 'y, A::Visitor, W>: Kernel<Output = ()>,
 {
     let Some(wide) = structure.layout.get() else { return };
-    let toward = prepare(structure, rays, slots, room);
-    let Some(first) = room.records.first() else { return };
-    let backward = first.slab.backward.map(|axis| usize::from(axis & 1));
-    let len = room.records.len();
+    let toward = prepare(simd, structure, class, rays, slots, room);
+    let backward = class.backward();
+    let backward = [usize::from(backward[0]), usize::from(backward[1]), usize::from(backward[2])];
+    let len = slots.len().min(BATCH);
     for i in 0..len {
         room.ids[i] = i as u32;
     }
@@ -131,36 +128,59 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
                 }
             }
             ChildKind::Leaf { first, count } if first < wide.triangles => {
-                leaf(simd, structure, wide.block(first), first, count, rays, list, answers, room);
+                let block = Leaf { rows: wide.block(first), count };
+                leaf(simd, structure, class, block, rays, list, answers, room);
             }
             _ if list.child == Child::END => {}
             _ => {
                 for i in 0..list.len {
-                    let Room { records, ids, .. } = &mut *room;
-                    let record = &mut records[ids[list.start + i] as usize];
-                    if record.t_max < record.t_min {
-                        continue;
-                    }
-                    let slot = record.slot as usize;
-                    let mut visitor = answers.visitor(slot, record.t_max);
-                    structure.level.run(Tail {
-                        structure,
-                        record,
-                        ray: &rays[slot],
-                        child: list.child,
-                        visitor: &mut visitor,
-                    });
-                    record.t_max = answers.settle(slot, visitor);
+                    let id = room.ids[list.start + i] as usize;
+                    one::<A, W>(structure, class, rays, list.child, id, answers, room);
                 }
             }
         }
     }
 }
 
+/// Sends one ray on alone.
+#[inline(always)]
+fn one<'a, A, const W: usize>(
+    structure: &'a Structure,
+    class: Class,
+    rays: &[Ray],
+    child: Child,
+    id: usize,
+    answers: &mut A,
+    room: &mut Room,
+) where
+    A: Answers<'a>,
+    for<'x, 'y> Tail<'a, 'x, 'y, A::Visitor, W>: Kernel<Output = ()>,
+{
+    let (record, rest) = (&mut room.records[id], &room.rest[id]);
+    if record.0[T_MAX] < record.0[T_MIN] {
+        return;
+    }
+    let slot = rest.slot as usize;
+    let ray = &rays[slot];
+    let mut visitor = answers.visitor(slot, record.0[T_MAX]);
+    structure.level.run(Tail::<_, W> {
+        structure,
+        record,
+        rest,
+        class,
+        ray,
+        child,
+        visitor: &mut visitor,
+    });
+    record.0[T_MAX] = answers.settle(slot, visitor);
+}
+
 /// A single ray below a child.
 pub(crate) struct Tail<'a, 'r, 'v, V, const W: usize> {
     structure: &'a Structure,
     record: &'r Record,
+    rest: &'r Rest,
+    class: Class,
     ray: &'r Ray,
     child: Child,
     visitor: &'v mut V,
@@ -173,14 +193,8 @@ macro_rules! tails {
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, record, ray, child, visitor } = self;
-                let prepared = Prepared {
-                    origin: ray.origin,
-                    direction: ray.direction,
-                    slab: record.slab,
-                    triangle: record.triangle,
-                    clip: Interval::ALL,
-                };
+                let Self { structure, record, rest, class, ray, child, visitor } = self;
+                let prepared = prepared(record, rest, class, ray);
                 walk_from::<S, V, (), $width>(
                     simd, structure, prepared, child, ray, visitor, &mut (),
                 );
@@ -193,17 +207,35 @@ tails! { 8 16 }
 
 /// Fills the records; returns about where the rays go.
 #[inline(always)]
-fn prepare(structure: &Structure, rays: &[Ray], slots: &[u32], room: &mut Room) -> [f32; 3] {
-    let mut toward = [0.0; 3];
+fn prepare<S: Simd>(
+    simd: S,
+    structure: &Structure,
+    class: Class,
+    rays: &[Ray],
+    slots: &[u32],
+    room: &mut Room,
+) -> [f32; 3] {
     room.records.clear();
-    for &slot in slots.iter().take(BATCH) {
-        let ray = &rays[slot as usize];
-        let Prepared { slab, triangle, .. } = Prepared::new(ray, structure);
-        let unit = vec3::scale(ray.direction, 1.0 / vec3::max_abs(ray.direction));
-        toward = vec3::add(toward, unit);
-        let Ray { t_min, t_max, .. } = *ray;
-        room.records.push(Record { slab, t_min, t_max, slot, triangle });
+    room.rest.clear();
+    let [x, y, z] = class.axes();
+    let (mut across, mut count) = ([0.0, 0.0], 0.0);
+    for slots in slots[..slots.len().min(BATCH)].chunks(RAYS) {
+        let made = records(simd, structure, class, rays, slots);
+        room.records.extend_from_slice(&made);
+        for &slot in slots {
+            let along = rays[slot as usize].direction[usize::from(z)];
+            room.rest.push(Rest { slot, along });
+        }
+        // A few rays tell enough.
+        across[0] += made[0].0[SHEAR];
+        across[1] += made[0].0[SHEAR + 1];
+        count += 1.0;
     }
+    let sign = if class.backward()[usize::from(z)] == 1 { -1.0 } else { 1.0 };
+    let mut toward = [0.0; 3];
+    toward[usize::from(x)] = sign * across[0];
+    toward[usize::from(y)] = sign * across[1];
+    toward[usize::from(z)] = sign * count;
     toward
 }
 
@@ -225,12 +257,12 @@ fn test<S: Wide<W>, const W: usize>(
     let ids = &room.ids[list.start..list.start + list.len];
     let masks = &mut room.masks[..list.len + STEP];
     for (mask, &id) in masks.iter_mut().zip(ids) {
-        let Record { slab, t_min, t_max, .. } = &room.records[id as usize];
-        let (mut entry, mut exit) = (splat(*t_min), splat(*t_max));
+        let ray = &room.records[id as usize].0;
+        let (mut entry, mut exit) = (splat(ray[T_MIN]), splat(ray[T_MAX]));
         for axis in 0..3 {
-            let reciprocal = splat(slab.reciprocal[axis]);
-            entry = first[axis].sub(splat(slab.near[axis])).mul(reciprocal).max(entry);
-            exit = last[axis].sub(splat(slab.far[axis])).mul(reciprocal).min(exit);
+            let reciprocal = splat(ray[RECIPROCAL + axis]);
+            entry = first[axis].sub(splat(ray[NEAR + axis])).mul(reciprocal).max(entry);
+            exit = last[axis].sub(splat(ray[FAR + axis])).mul(reciprocal).min(exit);
         }
         *mask = entry.le(exit);
         met |= *mask;
@@ -334,40 +366,156 @@ fn deal_largest_first<S: Wide<W>, const W: usize>(
 /// Tests the list against the triangles of a leaf.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
-fn leaf<'a, S: Simd, A: Answers<'a>, const N: usize>(
+fn leaf<'a, S: Simd, A: Answers<'a>>(
     simd: S,
     structure: &'a Structure,
-    rows: &[f32; N],
-    _first: usize,
-    count: usize,
+    class: Class,
+    leaf: Leaf<'_>,
     rays: &[Ray],
     list: List,
     answers: &mut A,
     room: &mut Room,
 ) {
-    for &id in &room.ids[list.start..list.start + list.len] {
-        let record = &mut room.records[id as usize];
-        let range = Interval { entry: record.t_min, exit: record.t_max };
-        let Record { slab, triangle, .. } = &record;
-        let hits = block::hit(simd, rows, count, triangle, slab, &Interval::ALL, &range);
-        let mut mask = hits.mask;
-        if mask == 0 {
+    let mut at = list.start;
+    let end = list.start + list.len;
+    while at < end {
+        let len = RAYS.min(end - at);
+        if len < BUNDLE_MIN {
+            for at in at..at + len {
+                let id = room.ids[at] as usize;
+                leaf_of_one(simd, structure, class, leaf, rays, id, answers, room);
+            }
+        } else {
+            leaf_of_many(simd, structure, class, leaf, rays, at, len, answers, room);
+        }
+        at += len;
+    }
+}
+
+/// The triangles of a leaf, in rows.
+#[derive(Clone, Copy)]
+struct Leaf<'a> {
+    rows: &'a [f32; BLOCK_WORDS],
+    count: usize,
+}
+
+impl Leaf<'_> {
+    fn corners(&self, triangle: usize) -> [[f32; 3]; 3] {
+        let word = |row: usize| self.rows[(row * self.count + triangle) % BLOCK_WORDS];
+        [[word(0), word(1), word(2)], [word(3), word(4), word(5)], [word(6), word(7), word(8)]]
+    }
+
+    fn id(&self, triangle: usize) -> u32 {
+        self.rows[(9 * self.count + triangle) % BLOCK_WORDS].to_bits()
+    }
+}
+
+/// All triangles against one ray.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
+fn leaf_of_one<'a, S: Simd, A: Answers<'a>>(
+    simd: S,
+    structure: &'a Structure,
+    class: Class,
+    leaf: Leaf<'_>,
+    rays: &[Ray],
+    id: usize,
+    answers: &mut A,
+    room: &mut Room,
+) {
+    let (record, rest) = (&mut room.records[id], &room.rest[id]);
+    let slot = rest.slot as usize;
+    let ray = prepared(record, rest, class, &rays[slot]);
+    let range = Interval { entry: record.0[T_MIN], exit: record.0[T_MAX] };
+    let (triangle, slab, clip) = (&ray.triangle, &ray.slab, &Interval::ALL);
+    let hits = block::hit(simd, leaf.rows, leaf.count, triangle, slab, clip, &range);
+    let mut mask = hits.mask;
+    if mask == 0 {
+        return;
+    }
+    let mut visitor = answers.visitor(slot, record.0[T_MAX]);
+    while mask != 0 {
+        let lane = mask.trailing_zeros() as usize % block::LANES;
+        mask &= mask - 1;
+        let id = leaf.id(lane);
+        let (t, u, v) = (hits.t[lane], hits.u[lane], hits.v[lane]);
+        if t > visitor.t_max() || !structure.sees(id, rays[slot].mask) {
             continue;
         }
-        let slot = record.slot as usize;
-        let mut visitor = answers.visitor(slot, record.t_max);
+        if visitor.hit(Found { t, u, v, id, inst: 0, structure }).is_break() {
+            break;
+        }
+    }
+    record.0[T_MAX] = answers.settle(slot, visitor);
+}
+
+/// One triangle after the other against up to 16 rays.
+#[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
+fn leaf_of_many<'a, S: Simd, A: Answers<'a>>(
+    simd: S,
+    structure: &'a Structure,
+    class: Class,
+    leaf: Leaf<'_>,
+    rays: &[Ray],
+    at: usize,
+    len: usize,
+    answers: &mut A,
+    room: &mut Room,
+) {
+    // Lanes beyond the last ray repeat it.
+    let mut ids = [0; RAYS];
+    for lane in 0..RAYS {
+        ids[lane] = room.ids[at + lane.min(len - 1)] as usize;
+    }
+    let (bundle, mut t_max) = gather(simd, class, &ids, room);
+    let lanes = (1 << len) - 1;
+    for triangle in 0..leaf.count {
+        let Some(met) = bundle.hit(simd, &leaf.corners(triangle), lanes, &t_max) else { continue };
+        let name = leaf.id(triangle);
+        let mut mask = met.mask;
         while mask != 0 {
-            let lane = mask.trailing_zeros() as usize % block::LANES;
+            let lane = mask.trailing_zeros() as usize % RAYS;
             mask &= mask - 1;
-            let id = rows[9 * count + lane].to_bits();
-            let (t, u, v) = (hits.t[lane], hits.u[lane], hits.v[lane]);
-            if t > visitor.t_max() || !structure.sees(id, rays[slot].mask) {
+            let slot = room.rest[ids[lane]].slot as usize;
+            if !structure.sees(name, rays[slot].mask) {
                 continue;
             }
-            if visitor.hit(Found { t, u, v, id, inst: 0, structure }).is_break() {
-                break;
-            }
+            let (t, u, v) = (met.t[lane], met.u[lane], met.v[lane]);
+            let mut visitor = answers.visitor(slot, t_max[lane]);
+            // Whether the ray goes on, its record knows.
+            let _ = visitor.hit(Found { t, u, v, id: name, inst: 0, structure });
+            t_max[lane] = answers.settle(slot, visitor);
+            room.records[ids[lane]].0[T_MAX] = t_max[lane];
         }
-        record.t_max = answers.settle(slot, visitor);
     }
+}
+
+/// 16 rays side by side, and the greatest `t` that matter to them.
+#[inline(always)]
+fn gather<S: Simd>(
+    simd: S,
+    class: Class,
+    ids: &[usize; RAYS],
+    room: &Room,
+) -> (Bundle<S>, [f32; RAYS]) {
+    let mut rows = [&room.records[ids[0]].0; RAYS];
+    let mut along = [0.0; RAYS];
+    for lane in 0..RAYS {
+        rows[lane] = &room.records[ids[lane]].0;
+        along[lane] = room.rest[ids[lane]].along;
+    }
+    let c = simd.transpose(&rows);
+    let bundle = Bundle {
+        axes: class.axes(),
+        backward: class.backward(),
+        origin: [c[ORIGIN], c[ORIGIN + 1], c[ORIGIN + 2]],
+        shear: [c[SHEAR], c[SHEAR + 1]],
+        along,
+        near: [c[NEAR], c[NEAR + 1], c[NEAR + 2]],
+        far: [c[FAR], c[FAR + 1], c[FAR + 2]],
+        reciprocal: [c[RECIPROCAL], c[RECIPROCAL + 1], c[RECIPROCAL + 2]],
+        t_min: c[T_MIN],
+    };
+    (bundle, c[T_MAX].lanes())
 }

@@ -1,0 +1,203 @@
+//! Rays of a stream: what a walk needs of each in one cache line, made for 16 of them at once.
+//!
+//! The same steps as [`SlabRay::new`], [`TriangleRay::new`] and `Slack::at`, a ray a lane, and the
+//! same bits. Rays of a class share the signs of their directions and their longest axis, so that no
+//! lane chooses anything.
+
+use super::prepared::Prepared;
+use super::slack::Slack;
+use super::structure::Structure;
+use crate::bounds::{Aabb, Interval, SlabRay, slab};
+use crate::geometry::triangle::{NEXT, SLACK, TriangleRay, UNIT_ROUNDOFF};
+use crate::math::{Ray, vec3};
+use crate::simd::{Floats, Simd};
+
+/// Rays that are prepared, and that triangles are tested against, at once.
+pub(crate) const RAYS: usize = 16;
+
+/// Classes of rays: the signs of three components, and which is the longest.
+pub(crate) const CLASSES: usize = 8 * 3;
+
+/// The signs of a direction's components, and the axis along which it is longest.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Class(u8);
+
+impl Class {
+    /// Of a valid ray.
+    #[inline(always)]
+    pub(crate) fn of(ray: &Ray) -> Self {
+        let sign = |axis: usize| (ray.direction[axis].to_bits() >> 31) as u8;
+        let [x, y, z] = ray.direction;
+        let longest = vec3::largest_axis([x.abs(), y.abs(), z.abs()]) as u8;
+        Self(sign(0) | sign(1) << 1 | sign(2) << 2 | longest << 3)
+    }
+
+    /// `0 .. CLASSES`.
+    #[inline(always)]
+    pub(crate) fn index(self) -> usize {
+        usize::from(self.0) % CLASSES
+    }
+
+    /// By axis: 1 if rays meet the upper plane first.
+    #[inline(always)]
+    pub(crate) fn backward(self) -> [u8; 3] {
+        [self.0 & 1, self.0 >> 1 & 1, self.0 >> 2 & 1]
+    }
+
+    /// What [`TriangleRay`] takes for x, y and z.
+    #[inline(always)]
+    pub(crate) fn axes(self) -> [u8; 3] {
+        let z = self.0 >> 3;
+        let at = usize::from(z % 3);
+        [NEXT[at], NEXT[at + 1], z]
+    }
+}
+
+// The words of a record.
+pub(crate) const NEAR: usize = 0;
+pub(crate) const FAR: usize = 3;
+pub(crate) const RECIPROCAL: usize = 6;
+pub(crate) const T_MIN: usize = 9;
+/// The greatest `t` that matters by now.
+pub(crate) const T_MAX: usize = 10;
+/// On the axes that triangles are tested on.
+pub(crate) const ORIGIN: usize = 11;
+pub(crate) const SHEAR: usize = 14;
+
+/// What every step of a walk needs.
+#[derive(Clone, Copy)]
+#[repr(C, align(64))]
+pub(crate) struct Record(pub(crate) [f32; 16]);
+
+impl Record {
+    #[inline(always)]
+    pub(crate) fn triple(&self, first: usize) -> [f32; 3] {
+        [self.0[first], self.0[first + 1], self.0[first + 2]]
+    }
+}
+
+/// What few steps need.
+#[derive(Clone, Copy)]
+pub(crate) struct Rest {
+    /// Where the ray is in the slice.
+    pub(crate) slot: u32,
+    /// The direction along the longest axis.
+    pub(crate) along: f32,
+}
+
+/// The ray as single walks want it.
+#[inline(always)]
+pub(crate) fn prepared(record: &Record, rest: &Rest, class: Class, ray: &Ray) -> Prepared {
+    let shear = [record.0[SHEAR], record.0[SHEAR + 1]];
+    Prepared {
+        origin: ray.origin,
+        direction: ray.direction,
+        slab: SlabRay {
+            near: record.triple(NEAR),
+            far: record.triple(FAR),
+            reciprocal: record.triple(RECIPROCAL),
+            backward: class.backward(),
+        },
+        triangle: TriangleRay::of_parts(class.axes(), record.triple(ORIGIN), shear, rest.along),
+        clip: Interval::ALL,
+    }
+}
+
+/// Records of up to 16 rays of a class; lanes beyond repeat the last ray.
+#[inline(always)]
+pub(crate) fn records<S: Simd>(
+    simd: S,
+    structure: &Structure,
+    class: Class,
+    rays: &[Ray],
+    slots: &[u32],
+) -> [Record; RAYS] {
+    let mut rows = [[0.0; 16]; RAYS];
+    for lane in 0..RAYS {
+        let Ray { origin, direction, t_min, t_max, .. } =
+            rays[slots[lane.min(slots.len() - 1)] as usize];
+        let [ox, oy, oz] = origin;
+        let [dx, dy, dz] = direction;
+        rows[lane][..8].copy_from_slice(&[ox, oy, oz, dx, dy, dz, t_min, t_max]);
+    }
+    let columns = transpose(simd, &rows);
+    let origin = [columns[0], columns[1], columns[2]];
+    let direction = [columns[3], columns[4], columns[5]];
+
+    // Widen.
+    let splat = |x: f32| S::F16::splat(simd, x);
+    let slack = if structure.slack.is_of_triangles() {
+        let distance = distance(simd, &origin, &structure.reach);
+        splat(UNIT_ROUNDOFF * SLACK).mul(distance)
+    } else {
+        S::F16::load(simd, &slacks(&rows, &structure.slack, &structure.reach))
+    };
+
+    // Prepare for boxes.
+    let mut words = [splat(0.0); 16];
+    let backward = class.backward();
+    for axis in 0..3 {
+        let margin = abs(simd, origin[axis]).mul(splat(f32::EPSILON));
+        let by = slack.add(margin).mul(splat(slab::WIDER)).add(splat(f32::MIN_POSITIVE));
+        let (above, below) = (origin[axis].add(by), origin[axis].sub(by));
+        let (near, far) = if backward[axis] == 1 { (below, above) } else { (above, below) };
+        words[NEAR + axis] = near;
+        words[FAR + axis] = far;
+        words[RECIPROCAL + axis] = splat(1.0).div(direction[axis]);
+    }
+    words[T_MIN] = columns[6];
+    words[T_MAX] = columns[7];
+
+    // Prepare for triangles.
+    let [x, y, z] = class.axes().map(|axis| usize::from(axis.min(2)));
+    words[ORIGIN] = origin[x];
+    words[ORIGIN + 1] = origin[y];
+    words[ORIGIN + 2] = origin[z];
+    words[SHEAR] = direction[x].div(direction[z]);
+    words[SHEAR + 1] = direction[y].div(direction[z]);
+
+    let mut lanes = [[0.0; 16]; 16];
+    for (lanes, word) in lanes.iter_mut().zip(words) {
+        *lanes = word.lanes();
+    }
+    let mut out = [Record([0.0; 16]); RAYS];
+    for (out, record) in out.iter_mut().zip(transpose(simd, &lanes)) {
+        *out = Record(record.lanes());
+    }
+    out
+}
+
+/// Rows to columns.
+#[inline(always)]
+fn transpose<S: Simd>(simd: S, rows: &[[f32; 16]; 16]) -> [S::F16; 16] {
+    let mut borrowed = [&rows[0]; 16];
+    for (borrowed, row) in borrowed.iter_mut().zip(rows) {
+        *borrowed = row;
+    }
+    simd.transpose(&borrowed)
+}
+
+/// The largest distance, per axis, from the origin to a corner of the reach.
+#[inline(always)]
+fn distance<S: Simd>(simd: S, origin: &[S::F16; 3], reach: &Aabb) -> S::F16 {
+    let mut distance = S::F16::splat(simd, 0.0);
+    for axis in 0..3 {
+        let to_lo = S::F16::splat(simd, reach.lo[axis]).sub(origin[axis]);
+        let to_hi = S::F16::splat(simd, reach.hi[axis]).sub(origin[axis]);
+        distance = abs(simd, to_lo).max(abs(simd, to_hi).max(distance));
+    }
+    distance
+}
+
+/// Without the sign; that of zero is lost on nobody here.
+#[inline(always)]
+fn abs<S: Simd>(simd: S, x: S::F16) -> S::F16 {
+    S::F16::splat(simd, 0.0).sub(x).max(x)
+}
+
+/// `Slack::at` for levels with instances.
+#[cold]
+#[inline(never)]
+fn slacks(rows: &[[f32; 16]; RAYS], slack: &Slack, reach: &Aabb) -> [f32; RAYS] {
+    core::array::from_fn(|lane| slack.at([rows[lane][0], rows[lane][1], rows[lane][2]], reach))
+}
