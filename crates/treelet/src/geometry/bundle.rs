@@ -13,21 +13,26 @@ pub(crate) const RAYS: usize = 16;
 /// Lanes of the exact stage.
 const QUAD: usize = 4;
 
-/// 16 rays, as [`super::TriangleRay`] and `SlabRay` prepare them.
-pub(crate) struct Bundle<S: Simd> {
+/// 16 rays, as [`super::TriangleRay`] and `SlabRay` prepare them. Borrowed, not owned: a kilobyte
+/// that moves costs more than a triangle.
+#[derive(Clone, Copy)]
+pub(crate) struct Bundle<'a> {
     /// Of all of them: the axes that become x, y and z.
     pub(crate) axes: [u8; 3],
     /// Of all of them: by axis, 1 if the upper plane is met first.
     pub(crate) backward: [u8; 3],
-    pub(crate) origin: [S::F16; 3],
-    pub(crate) shear: [S::F16; 2],
+    pub(crate) origin: [&'a Lanes; 3],
+    pub(crate) shear: [&'a Lanes; 2],
     /// Directions along the last of the axes.
-    pub(crate) along: [f32; RAYS],
-    pub(crate) near: [S::F16; 3],
-    pub(crate) far: [S::F16; 3],
-    pub(crate) reciprocal: [S::F16; 3],
-    pub(crate) t_min: S::F16,
+    pub(crate) along: &'a Lanes,
+    pub(crate) near: [&'a Lanes; 3],
+    pub(crate) far: [&'a Lanes; 3],
+    pub(crate) reciprocal: [&'a Lanes; 3],
+    pub(crate) t_min: &'a Lanes,
 }
+
+/// A number of each ray.
+pub(crate) type Lanes = [f32; RAYS];
 
 /// Where rays hit a triangle.
 pub(crate) struct Meetings {
@@ -38,10 +43,10 @@ pub(crate) struct Meetings {
     pub(crate) v: [f32; RAYS],
 }
 
-impl<S: Simd> Bundle<S> {
+impl Bundle<'_> {
     /// Which of the rays in `mask` hit the triangle up to `t_max`, and where.
     #[inline(always)]
-    pub(crate) fn hit(
+    pub(crate) fn hit<S: Simd>(
         &self,
         simd: S,
         corners: &[[f32; 3]; 3],
@@ -81,20 +86,21 @@ impl<S: Simd> Bundle<S> {
 
     /// A corner, moved to each ray's origin and sheared.
     #[inline(always)]
-    fn sheared(&self, simd: S, corner: &[f32; 3]) -> [S::F16; 3] {
+    fn sheared<S: Simd>(&self, simd: S, corner: &[f32; 3]) -> [S::F16; 3] {
         let [x, y, z] = self.axes.map(|axis| usize::from(axis.min(2)));
         let splat = |axis: usize| S::F16::splat(simd, corner[axis]);
-        let depth = splat(z).sub(self.origin[2]);
+        let load = |lanes: &Lanes| S::F16::load(simd, lanes);
+        let depth = splat(z).sub(load(self.origin[2]));
         [
-            splat(x).sub(self.origin[0]).sub(self.shear[0].mul(depth)),
-            splat(y).sub(self.origin[1]).sub(self.shear[1].mul(depth)),
+            splat(x).sub(load(self.origin[0])).sub(load(self.shear[0]).mul(depth)),
+            splat(y).sub(load(self.origin[1])).sub(load(self.shear[1]).mul(depth)),
             depth,
         ]
     }
 
     /// The exact stage for the four rays from `first` on.
     #[inline(always)]
-    fn settle(
+    fn settle<S: Simd>(
         &self,
         simd: S,
         a: &[[f32; RAYS]; 3],
@@ -118,7 +124,7 @@ impl<S: Simd> Bundle<S> {
         let share = S::D4::splat(simd, 1.0).div(det);
         let (v, w) = (v.mul(share), w.mul(share));
         let depth = a[2].add(v.mul(b[2].sub(a[2])).add(w.mul(c[2].sub(a[2]))));
-        let reciprocal = S::D4::splat(simd, 1.0).div(quad_of(simd, &self.along, first));
+        let reciprocal = S::D4::splat(simd, 1.0).div(quad_of(simd, self.along, first));
         let t = depth.mul(reciprocal).narrow();
         met.mask |= (!mixed & sized & 0xF) << first;
         let places = first..first + QUAD;
@@ -127,22 +133,40 @@ impl<S: Simd> Bundle<S> {
         met.v[places].copy_from_slice(&w.narrow().lanes());
     }
 
-    /// The culling lemma: `t` is clamped to where each ray is in the triangle's own box.
+    /// Which rays are in the box somewhere between `t_min` and `t_max`.
     #[inline(always)]
-    fn admit(&self, simd: S, bounds: &Aabb, t_max: &[f32; RAYS], met: &mut Meetings) {
+    pub(crate) fn meets<S: Simd>(&self, simd: S, bounds: &Aabb, t_max: &Lanes) -> u32 {
+        let (entry, exit) = self.inside(simd, bounds);
+        let (t_min, t_max) = (S::F16::load(simd, self.t_min), S::F16::load(simd, t_max));
+        entry.max(t_min).le(exit.min(t_max))
+    }
+
+    /// Where the rays are in the box: the steps of `SlabRay::interval`.
+    #[inline(always)]
+    fn inside<S: Simd>(&self, simd: S, bounds: &Aabb) -> (S::F16, S::F16) {
         let splat = |x: f32| S::F16::splat(simd, x);
+        let load = |lanes: &Lanes| S::F16::load(simd, lanes);
         let (mut entry, mut exit) = (splat(f32::NEG_INFINITY), splat(f32::INFINITY));
         for axis in 0..3 {
             let planes = [bounds.lo[axis], bounds.hi[axis]];
             let backward = usize::from(self.backward[axis] & 1);
             let (first, last) = (splat(planes[backward]), splat(planes[backward ^ 1]));
-            entry = first.sub(self.near[axis]).mul(self.reciprocal[axis]).max(entry);
-            exit = last.sub(self.far[axis]).mul(self.reciprocal[axis]).min(exit);
+            let reciprocal = load(self.reciprocal[axis]);
+            entry = first.sub(load(self.near[axis])).mul(reciprocal).max(entry);
+            exit = last.sub(load(self.far[axis])).mul(reciprocal).min(exit);
         }
+        (entry, exit)
+    }
+
+    /// The culling lemma: `t` is clamped to where each ray is in the triangle's own box.
+    #[inline(always)]
+    fn admit<S: Simd>(&self, simd: S, bounds: &Aabb, t_max: &Lanes, met: &mut Meetings) {
+        let splat = |x: f32| S::F16::splat(simd, x);
+        let (entry, exit) = self.inside(simd, bounds);
         let t = S::F16::load(simd, &met.t);
         let finite = t.lt(splat(f32::INFINITY)) & splat(f32::NEG_INFINITY).lt(t);
         let t = exit.min(entry.max(t));
-        let wanted = self.t_min.le(t) & t.le(S::F16::load(simd, t_max));
+        let wanted = S::F16::load(simd, self.t_min).le(t) & t.le(S::F16::load(simd, t_max));
         met.mask &= entry.le(exit) & finite & wanted;
         met.t = t.lanes();
     }

@@ -62,8 +62,11 @@ impl<'a> Answers<'a> for Many<'_> {
 
     /// Nothing matters any more to a ray with a hit.
     #[inline(always)]
-    fn settle(&mut self, slot: usize, visitor: Any) -> f32 {
-        self.answers[slot] |= visitor.found;
-        if visitor.found { f32::NEG_INFINITY } else { visitor.t_max }
+    fn settle(&mut self, slot: usize, _: f32, visitor: Any) -> f32 {
+        if visitor.found {
+            self.answers[slot] = true;
+            return f32::NEG_INFINITY;
+        }
+        visitor.t_max
     }
 }

@@ -70,12 +70,13 @@ impl<'a> Answers<'a> for Many<'_> {
     }
 
     #[inline(always)]
-    fn settle(&mut self, slot: usize, visitor: Closest<'a>) -> f32 {
+    fn settle(&mut self, slot: usize, t_max: f32, visitor: Closest<'a>) -> f32 {
         if let Some(found) = visitor.best {
-            let (hit, best) = (Hit::from(found), &mut self.hits[slot]);
-            // Of hits at the same `t`, the smallest id; a miss has the largest.
-            if hit.t < best.t || hit.id() < best.id() {
-                *best = hit;
+            let hit = Hit::from(found);
+            // Usually nearer, and then what was there need not be read. At the same `t`, the
+            // smallest id; a miss has the largest.
+            if hit.t < t_max || hit.id() < self.hits[slot].id() {
+                self.hits[slot] = hit;
             }
         }
         visitor.t

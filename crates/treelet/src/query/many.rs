@@ -7,12 +7,15 @@ use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Kernel, Simd};
 use crate::trace::record::{CLASSES, Class};
-use crate::trace::stream::{Answers, BATCH, Room, stream};
+use crate::trace::stream::{Answers, BATCH, Batch, Order, Room, stream};
 use crate::trace::structure::{Layout, Structure};
 use alloc::vec::Vec;
 
 /// Rays that are sorted into classes at once.
 const PIECE: usize = 32_768;
+
+/// Rays from one point that are walked together: neighbours in a camera's tile.
+const TILE: usize = 256;
 
 /// Slices shorter than this are asked ray by ray.
 const MANY: usize = 64;
@@ -99,41 +102,53 @@ fn streams<'a, A: Answers<'a>>(
     let mut start = 0;
     for &end in &ends[..CLASSES] {
         for slots in slots[start..end].chunks(BATCH) {
-            match structure.layout {
-                Layout::Wide8(_) => {
-                    let batch = Batch::<A, 8> { structure, rays, slots, answers, room };
-                    structure.level.run(batch);
-                }
-                Layout::Wide16(_) => {
-                    let batch = Batch::<A, 16> { structure, rays, slots, answers, room };
-                    structure.level.run(batch);
-                }
+            let origin = |&slot: &u32| rays[slot as usize].origin;
+            let first = slots.first().map(origin);
+            let (order, len) = if slots.iter().all(|slot| Some(origin(slot)) == first) {
+                (Order::Entry, TILE)
+            } else {
+                (Order::Corner, BATCH)
+            };
+            for slots in slots.chunks(len) {
+                let Some(&slot) = slots.first() else { continue };
+                let class = Class::of(&rays[slot as usize]);
+                walk(structure, Batch { class, rays, slots, order }, answers, room);
             }
         }
         start = end;
     }
 }
 
-/// A walk of many rays through nodes of `W` children.
-struct Batch<'a, 'b, A, const W: usize> {
+fn walk<'a, A: Answers<'a>>(
     structure: &'a Structure,
-    rays: &'b [Ray],
-    slots: &'b [u32],
+    batch: Batch<'_>,
+    answers: &mut A,
+    room: &mut Room,
+) {
+    let level = structure.level;
+    match structure.layout {
+        Layout::Wide8(_) => level.run(Walk::<A, 8> { structure, batch, answers, room }),
+        Layout::Wide16(_) => level.run(Walk::<A, 16> { structure, batch, answers, room }),
+    }
+}
+
+/// A walk of many rays through nodes of `W` children.
+struct Walk<'a, 'b, A, const W: usize> {
+    structure: &'a Structure,
+    batch: Batch<'b>,
     answers: &'b mut A,
     room: &'b mut Room,
 }
 
 macro_rules! widths {
     ($($width:literal)*) => {
-        $(impl<'a, A: Answers<'a>> Kernel for Batch<'a, '_, A, $width> {
+        $(impl<'a, A: Answers<'a>> Kernel for Walk<'a, '_, A, $width> {
             type Output = ();
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, rays, slots, answers, room } = self;
-                let Some(&first) = slots.first() else { return };
-                let class = Class::of(&rays[first as usize]);
-                stream::<S, A, $width>(simd, structure, class, rays, slots, answers, room);
+                let Self { structure, batch, answers, room } = self;
+                stream::<S, A, $width>(simd, structure, batch, answers, room);
             }
         })*
     };

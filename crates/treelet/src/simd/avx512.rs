@@ -52,9 +52,9 @@ impl Simd for Avx512 {
 
     /// Four steps of 16 shuffles: pairs, quads, then whole quarters twice.
     #[inline(always)]
-    fn transpose(self, rows: &[&[f32; 16]; 16]) -> [F16; 16] {
-        // SAFETY: the token shows that the processor has the instructions; every row has 16
-        // readable lanes.
+    fn transpose(self, rows: &[&[f32; 16]; 16], columns: &mut [[f32; 16]; 16]) {
+        // SAFETY: the token shows that the processor has the instructions; every row and
+        // every column has 16 lanes.
         unsafe {
             let mut quads = [_mm512_setzero_ps(); 16];
             for first in [0, 4, 8, 12] {
@@ -72,19 +72,22 @@ impl Simd for Avx512 {
                 }
             }
             // A quarter `q` of `quads[4 g + k]` now holds column `4 q + k` of rows `4 g ..`.
-            let mut out = [F16(_mm512_setzero_ps()); 16];
             for k in [0, 1, 2, 3] {
                 let (a, b, c, d) = (quads[k], quads[4 + k], quads[8 + k], quads[12 + k]);
                 let even_ab = _mm512_shuffle_f32x4::<0x88>(a, b);
                 let even_cd = _mm512_shuffle_f32x4::<0x88>(c, d);
                 let odd_ab = _mm512_shuffle_f32x4::<0xDD>(a, b);
                 let odd_cd = _mm512_shuffle_f32x4::<0xDD>(c, d);
-                out[k] = F16(_mm512_shuffle_f32x4::<0x88>(even_ab, even_cd));
-                out[4 + k] = F16(_mm512_shuffle_f32x4::<0x88>(odd_ab, odd_cd));
-                out[8 + k] = F16(_mm512_shuffle_f32x4::<0xDD>(even_ab, even_cd));
-                out[12 + k] = F16(_mm512_shuffle_f32x4::<0xDD>(odd_ab, odd_cd));
+                let whole = [
+                    _mm512_shuffle_f32x4::<0x88>(even_ab, even_cd),
+                    _mm512_shuffle_f32x4::<0x88>(odd_ab, odd_cd),
+                    _mm512_shuffle_f32x4::<0xDD>(even_ab, even_cd),
+                    _mm512_shuffle_f32x4::<0xDD>(odd_ab, odd_cd),
+                ];
+                for quarter in [0, 1, 2, 3] {
+                    _mm512_storeu_ps(columns[4 * quarter + k].as_mut_ptr(), whole[quarter]);
+                }
             }
-            out
         }
     }
 
@@ -170,12 +173,26 @@ macro_rules! memory {
 
 impl Floats<4> for F4 {
     memory! { 4 _mm_set1_ps _mm_loadu_ps _mm_storeu_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_mask_min_ps(other.0, bits as __mmask8, self.0, other.0) })
+    }
+
     lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
 }
 
 impl Floats<8> for F8 {
     memory! { 8 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm256_mask_min_ps(other.0, bits as __mmask8, self.0, other.0) })
+    }
+
     lanewise! {
         add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps div _mm256_div_ps
         min _mm256_min_ps max _mm256_max_ps
@@ -185,6 +202,13 @@ impl Floats<8> for F8 {
 
 impl Floats<16> for F16 {
     memory! { 16 _mm512_set1_ps _mm512_loadu_ps _mm512_storeu_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm512_mask_min_ps(other.0, bits as __mmask16, self.0, other.0) })
+    }
+
     lanewise! {
         add _mm512_add_ps sub _mm512_sub_ps mul _mm512_mul_ps div _mm512_div_ps
         min _mm512_min_ps max _mm512_max_ps

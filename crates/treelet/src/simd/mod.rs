@@ -52,6 +52,9 @@ pub(crate) trait Floats<const N: usize>: Copy {
     /// `self > other ? self : other`.
     fn max(self, other: Self) -> Self;
 
+    /// [`Floats::min`] in the lanes whose bits are set, `other` in the others.
+    fn min_where(self, bits: u32, other: Self) -> Self;
+
     /// Bit `i` is set where `self <= other` in lane `i`; not for NaN.
     fn le(self, other: Self) -> u32;
     /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
@@ -110,18 +113,12 @@ pub(crate) trait Simd: Copy {
 
     /// The columns of 16 rows.
     #[inline(always)]
-    fn transpose(self, rows: &[&[f32; 16]; 16]) -> [Self::F16; 16] {
-        let mut columns = [[0.0; 16]; 16];
+    fn transpose(self, rows: &[&[f32; 16]; 16], columns: &mut [[f32; 16]; 16]) {
         for (row, lanes) in rows.iter().enumerate() {
             for (column, lane) in columns.iter_mut().zip(lanes.iter()) {
                 column[row] = *lane;
             }
         }
-        let mut out = [Self::F16::splat(self, 0.0); 16];
-        for (out, column) in out.iter_mut().zip(&columns) {
-            *out = Self::F16::load(self, column);
-        }
-        out
     }
 
     /// The items whose mask shares a bit with `bits`, in order, then others; and how many.

@@ -80,6 +80,15 @@ impl Floats<4> for Lanes {
         max: a, b => if a > b { a } else { b };
     }
 
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        let lane = |i: usize| {
+            let (a, b) = (self.0[i], other.0[i]);
+            if bits >> i & 1 == 1 && a < b { a } else { b }
+        };
+        Self([lane(0), lane(1), lane(2), lane(3)])
+    }
+
     compare! { le <=; lt <; }
 }
 

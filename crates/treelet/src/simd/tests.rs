@@ -43,8 +43,9 @@ impl Kernel for Everything {
         }
         let rows: [[f32; 16]; 16] =
             core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
-        let columns = simd.transpose(&core::array::from_fn(|row| &rows[row]));
-        bits.extend(columns.iter().flat_map(|column| column.lanes()).map(narrow_bits));
+        let mut columns = [[0.0; 16]; 16];
+        simd.transpose(&core::array::from_fn(|row| &rows[row]), &mut columns);
+        bits.extend(columns.iter().flatten().copied().map(narrow_bits));
         simd.prefetch(bits.as_ptr());
         bits
     }
@@ -58,6 +59,7 @@ fn floats<S: Wide<W>, const W: usize>(simd: S, shift: usize, bits: &mut Vec<u64>
     let once = S::F::splat(simd, ODD[shift]);
     let all = [a.add(b), a.sub(b), a.mul(b), a.div(b), a.min(b), a.max(b), once];
     bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
+    bits.extend(a.min_where(0xA5C3, b).lanes().map(narrow_bits));
     bits.extend([u64::from(a.le(b)), u64::from(a.lt(b))]);
 }
 
@@ -116,10 +118,11 @@ fn every_level_computes_the_same_bits() {
 fn transposing_swaps_rows_and_columns() {
     let rows: [[f32; 16]; 16] =
         core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
-    let columns = super::scalar::Scalar.transpose(&core::array::from_fn(|row| &rows[row]));
+    let mut columns = [[0.0; 16]; 16];
+    super::scalar::Scalar.transpose(&core::array::from_fn(|row| &rows[row]), &mut columns);
     for (column, lanes) in columns.iter().enumerate() {
         let expected: [f32; 16] = core::array::from_fn(|row| (100 * row + column) as f32);
-        assert_eq!(lanes.lanes(), expected);
+        assert_eq!(*lanes, expected);
     }
 }
 

@@ -42,6 +42,11 @@ macro_rules! doubled {
             each! { add sub mul div min max }
 
             #[inline(always)]
+            fn min_where(self, bits: u32, other: Self) -> Self {
+                Self(self.0.min_where(bits, other.0), self.1.min_where(bits >> $half, other.1))
+            }
+
+            #[inline(always)]
             fn le(self, other: Self) -> u32 {
                 self.0.le(other.0) | self.1.le(other.1) << $half
             }

@@ -103,7 +103,7 @@ pub(crate) fn prepared(record: &Record, rest: &Rest, class: Class, ray: &Ray) ->
     }
 }
 
-/// Records of up to 16 rays of a class; lanes beyond repeat the last ray.
+/// Makes the records of up to 16 rays of a class; lanes beyond repeat the last ray.
 #[inline(always)]
 pub(crate) fn records<S: Simd>(
     simd: S,
@@ -111,7 +111,8 @@ pub(crate) fn records<S: Simd>(
     class: Class,
     rays: &[Ray],
     slots: &[u32],
-) -> [Record; RAYS] {
+    out: &mut [Record; RAYS],
+) {
     let mut rows = [[0.0; 16]; RAYS];
     for lane in 0..RAYS {
         let Ray { origin, direction, t_min, t_max, .. } =
@@ -120,9 +121,11 @@ pub(crate) fn records<S: Simd>(
         let [dx, dy, dz] = direction;
         rows[lane][..8].copy_from_slice(&[ox, oy, oz, dx, dy, dz, t_min, t_max]);
     }
-    let columns = transpose(simd, &rows);
-    let origin = [columns[0], columns[1], columns[2]];
-    let direction = [columns[3], columns[4], columns[5]];
+    let mut columns = [[0.0; 16]; 16];
+    transpose(simd, &rows, &mut columns);
+    let column = |i: usize| S::F16::load(simd, &columns[i]);
+    let origin = [column(0), column(1), column(2)];
+    let direction = [column(3), column(4), column(5)];
 
     // Widen.
     let splat = |x: f32| S::F16::splat(simd, x);
@@ -134,47 +137,42 @@ pub(crate) fn records<S: Simd>(
     };
 
     // Prepare for boxes.
-    let mut words = [splat(0.0); 16];
+    let mut words = [[0.0; 16]; 16];
     let backward = class.backward();
     for axis in 0..3 {
         let margin = abs(simd, origin[axis]).mul(splat(f32::EPSILON));
         let by = slack.add(margin).mul(splat(slab::WIDER)).add(splat(f32::MIN_POSITIVE));
         let (above, below) = (origin[axis].add(by), origin[axis].sub(by));
         let (near, far) = if backward[axis] == 1 { (below, above) } else { (above, below) };
-        words[NEAR + axis] = near;
-        words[FAR + axis] = far;
-        words[RECIPROCAL + axis] = splat(1.0).div(direction[axis]);
+        words[NEAR + axis] = near.lanes();
+        words[FAR + axis] = far.lanes();
+        words[RECIPROCAL + axis] = splat(1.0).div(direction[axis]).lanes();
     }
     words[T_MIN] = columns[6];
     words[T_MAX] = columns[7];
 
     // Prepare for triangles.
     let [x, y, z] = class.axes().map(|axis| usize::from(axis.min(2)));
-    words[ORIGIN] = origin[x];
-    words[ORIGIN + 1] = origin[y];
-    words[ORIGIN + 2] = origin[z];
-    words[SHEAR] = direction[x].div(direction[z]);
-    words[SHEAR + 1] = direction[y].div(direction[z]);
+    words[ORIGIN] = origin[x].lanes();
+    words[ORIGIN + 1] = origin[y].lanes();
+    words[ORIGIN + 2] = origin[z].lanes();
+    words[SHEAR] = direction[x].div(direction[z]).lanes();
+    words[SHEAR + 1] = direction[y].div(direction[z]).lanes();
 
-    let mut lanes = [[0.0; 16]; 16];
-    for (lanes, word) in lanes.iter_mut().zip(words) {
-        *lanes = word.lanes();
+    transpose(simd, &words, &mut columns);
+    for lane in 0..RAYS {
+        out[lane].0 = columns[lane];
     }
-    let mut out = [Record([0.0; 16]); RAYS];
-    for (out, record) in out.iter_mut().zip(transpose(simd, &lanes)) {
-        *out = Record(record.lanes());
-    }
-    out
 }
 
 /// Rows to columns.
 #[inline(always)]
-fn transpose<S: Simd>(simd: S, rows: &[[f32; 16]; 16]) -> [S::F16; 16] {
+fn transpose<S: Simd>(simd: S, rows: &[[f32; 16]; 16], columns: &mut [[f32; 16]; 16]) {
     let mut borrowed = [&rows[0]; 16];
-    for (borrowed, row) in borrowed.iter_mut().zip(rows) {
-        *borrowed = row;
+    for i in 0..16 {
+        borrowed[i] = &rows[i];
     }
-    simd.transpose(&borrowed)
+    simd.transpose(&borrowed, columns);
 }
 
 /// The largest distance, per axis, from the origin to a corner of the reach.

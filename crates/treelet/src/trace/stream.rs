@@ -18,7 +18,7 @@ use super::record::{
 };
 use super::structure::{Get, Layout, Structure};
 use super::walk::{Found, Visitor, walk_from};
-use crate::bounds::Interval;
+use crate::bounds::{Aabb, Interval};
 use crate::geometry::block;
 use crate::geometry::bundle::Bundle;
 use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Node, Wide as WideTree};
@@ -35,18 +35,18 @@ pub(crate) trait Answers<'a> {
     /// For the ray in `slot`, which wants hits up to `t_max`.
     fn visitor(&self, slot: usize, t_max: f32) -> Self::Visitor;
 
-    /// Keeps what the visitor saw; the greatest `t` that still matters to that ray.
-    fn settle(&mut self, slot: usize, visitor: Self::Visitor) -> f32;
+    /// Keeps what the visitor, made for `t_max`, saw; the greatest `t` that still matters to that ray.
+    fn settle(&mut self, slot: usize, t_max: f32, visitor: Self::Visitor) -> f32;
 }
 
 /// Rays of a batch, at most: their records fill half of a usual second-level cache.
 pub(crate) const BATCH: usize = 2048;
 
 /// Lists this short go on as single rays.
-const FEW: usize = 2;
+const FEW: usize = 4;
 
 /// Fewer rays than this are tested one by one at a leaf.
-const BUNDLE_MIN: usize = 3;
+const BUNDLE_MIN: usize = 5;
 
 /// Ids of all lists that wait, at most. Lists that find no room go on as single rays.
 const IDS_MAX: usize = 32 * BATCH;
@@ -58,6 +58,9 @@ const STEP: usize = 16;
 #[derive(Clone, Copy)]
 struct List {
     child: Child,
+    /// Where the child's box is.
+    node: u32,
+    slot: u32,
     start: usize,
     len: usize,
 }
@@ -89,14 +92,32 @@ impl Room {
     }
 }
 
-/// Asks about the rays in `slots`, valid and of one class, at most [`BATCH`].
+/// Rays that are walked together.
+#[derive(Clone, Copy)]
+pub(crate) struct Batch<'r> {
+    /// Of all of them.
+    pub(crate) class: Class,
+    /// A slice of rays, of which those in `slots` are walked: valid ones, at most [`BATCH`].
+    pub(crate) rays: &'r [Ray],
+    pub(crate) slots: &'r [u32],
+    pub(crate) order: Order,
+}
+
+/// Which children come first where the nearest should.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// Those that any ray enters first: good for rays from one point.
+    Entry,
+    /// Those whose nearest corner is first along the mean direction of the class.
+    Corner,
+}
+
+/// Asks about the rays of a batch.
 #[inline(always)]
 pub(crate) fn stream<'a, S, A, const W: usize>(
     simd: S,
     structure: &'a Structure,
-    class: Class,
-    rays: &[Ray],
-    slots: &[u32],
+    batch: Batch<'_>,
     answers: &mut A,
     room: &mut Room,
 ) where
@@ -106,7 +127,8 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
     for<'x, 'y> Tail<'a, 'x, 'y, A::Visitor, W>: Kernel<Output = ()>,
 {
     let Some(wide) = structure.layout.get() else { return };
-    let toward = prepare(simd, structure, class, rays, slots, room);
+    let Batch { class, rays, slots, order } = batch;
+    prepare(simd, structure, class, rays, slots, room);
     let backward = class.backward();
     let backward = [usize::from(backward[0]), usize::from(backward[1]), usize::from(backward[2])];
     let len = slots.len().min(BATCH);
@@ -114,21 +136,29 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
         room.ids[i] = i as u32;
     }
     room.lists.clear();
-    room.lists.push(List { child: wide.root, start: 0, len });
+    room.lists.push(List { child: wide.root, node: u32::MAX, slot: 0, start: 0, len });
     while let Some(list) = room.lists.pop() {
         let full = list.start + list.len + W * (list.len + STEP) > room.ids.len();
         match list.child.kind() {
             ChildKind::Inner { node } if list.len > FEW && !full => {
                 let Some(node) = wide.nodes.get(node) else { return };
-                let met = test(simd, node, backward, list, room);
+                let (met, entry) = test(simd, node, backward, list, room);
                 if A::Visitor::NEAREST_FIRST {
-                    deal_nearest_first(simd, wide, node, met, toward, backward, list, room);
+                    let key = match order {
+                        Order::Entry => entry,
+                        Order::Corner => corners(simd, node, class),
+                    };
+                    deal_nearest_first(simd, wide, node, met, key, list, room);
                 } else {
                     deal_largest_first(simd, wide, node, met, list, room);
                 }
             }
             ChildKind::Leaf { first, count } if first < wide.triangles => {
-                let block = Leaf { rows: wide.block(first), count };
+                let bounds = wide
+                    .nodes
+                    .get(list.node as usize)
+                    .map_or(structure.bounds, |node| node.bounds(list.slot as usize));
+                let block = Leaf { rows: wide.block(first), count, bounds };
                 leaf(simd, structure, class, block, rays, list, answers, room);
             }
             _ if list.child == Child::END => {}
@@ -172,7 +202,7 @@ fn one<'a, A, const W: usize>(
         child,
         visitor: &mut visitor,
     });
-    record.0[T_MAX] = answers.settle(slot, visitor);
+    record.0[T_MAX] = answers.settle(slot, record.0[T_MAX], visitor);
 }
 
 /// A single ray below a child.
@@ -205,7 +235,7 @@ macro_rules! tails {
 
 tails! { 8 16 }
 
-/// Fills the records; returns about where the rays go.
+/// Fills the records.
 #[inline(always)]
 fn prepare<S: Simd>(
     simd: S,
@@ -214,32 +244,24 @@ fn prepare<S: Simd>(
     rays: &[Ray],
     slots: &[u32],
     room: &mut Room,
-) -> [f32; 3] {
+) {
     room.records.clear();
     room.rest.clear();
-    let [x, y, z] = class.axes();
-    let (mut across, mut count) = ([0.0, 0.0], 0.0);
+    let [.., longest] = class.axes();
     for slots in slots[..slots.len().min(BATCH)].chunks(RAYS) {
-        let made = records(simd, structure, class, rays, slots);
-        room.records.extend_from_slice(&made);
+        let first = room.records.len();
+        room.records.extend_from_slice(&[Record([0.0; 16]); RAYS]);
+        let Some(made) = room.records[first..].first_chunk_mut() else { break };
+        records(simd, structure, class, rays, slots, made);
         for &slot in slots {
-            let along = rays[slot as usize].direction[usize::from(z)];
+            let along = rays[slot as usize].direction[usize::from(longest)];
             room.rest.push(Rest { slot, along });
         }
-        // A few rays tell enough.
-        across[0] += made[0].0[SHEAR];
-        across[1] += made[0].0[SHEAR + 1];
-        count += 1.0;
     }
-    let sign = if class.backward()[usize::from(z)] == 1 { -1.0 } else { 1.0 };
-    let mut toward = [0.0; 3];
-    toward[usize::from(x)] = sign * across[0];
-    toward[usize::from(y)] = sign * across[1];
-    toward[usize::from(z)] = sign * count;
-    toward
 }
 
-/// Tests the list against a node; returns the children that any of its rays meets.
+/// Tests the list against a node; returns the children that any of its rays meets, and where the
+/// first of them does.
 #[inline(always)]
 fn test<S: Wide<W>, const W: usize>(
     simd: S,
@@ -247,13 +269,13 @@ fn test<S: Wide<W>, const W: usize>(
     backward: [usize; 3],
     list: List,
     room: &mut Room,
-) -> u32 {
+) -> (u32, S::F) {
     let splat = |x: f32| S::F::splat(simd, x);
     let first = |axis: usize| S::F::load(simd, &node.planes[axis][backward[axis] & 1]);
     let last = |axis: usize| S::F::load(simd, &node.planes[axis][backward[axis] & 1 ^ 1]);
     let first = [first(0), first(1), first(2)];
     let last = [last(0), last(1), last(2)];
-    let mut met = 0;
+    let (mut met, mut nearest) = (0, splat(f32::INFINITY));
     let ids = &room.ids[list.start..list.start + list.len];
     let masks = &mut room.masks[..list.len + STEP];
     for (mask, &id) in masks.iter_mut().zip(ids) {
@@ -265,10 +287,11 @@ fn test<S: Wide<W>, const W: usize>(
             exit = last[axis].sub(splat(ray[FAR + axis])).mul(reciprocal).min(exit);
         }
         *mask = entry.le(exit);
+        nearest = entry.min_where(*mask, nearest);
         met |= *mask;
     }
     masks[list.len..].fill(0);
-    met
+    (met, nearest)
 }
 
 /// Puts the rays of `list` that meet the child in `slot` on a list of their own.
@@ -301,11 +324,26 @@ fn deal<S: Wide<W>, const W: usize>(
         end += count;
         at += STEP;
     }
-    room.lists.push(List { child, start, len: end - start });
+    let node = list.child.0;
+    room.lists.push(List { child, node, slot: slot as u32, start, len: end - start });
     end
 }
 
-/// Nearer children last.
+/// How far along the mean direction of the class the nearest corner of each child lies.
+#[inline(always)]
+fn corners<S: Wide<W>, const W: usize>(simd: S, node: &Node<W>, class: Class) -> S::F {
+    let [.., longest] = class.axes();
+    let mut sum = S::F::splat(simd, 0.0);
+    for axis in 0..3 {
+        let backward = usize::from(class.backward()[axis] & 1);
+        let size = if axis == usize::from(longest) { 1.0 } else { 0.5 };
+        let share = S::F::splat(simd, if backward == 1 { -size } else { size });
+        sum = sum.add(share.mul(S::F::load(simd, &node.planes[axis][backward])));
+    }
+    sum
+}
+
+/// Smaller keys last.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
 fn deal_nearest_first<S: Wide<W>, const W: usize>(
@@ -313,16 +351,11 @@ fn deal_nearest_first<S: Wide<W>, const W: usize>(
     wide: &WideTree<W>,
     node: &Node<W>,
     met: u32,
-    toward: [f32; 3],
-    backward: [usize; 3],
+    key: S::F,
     list: List,
     room: &mut Room,
 ) {
-    let along = |axis: usize| {
-        let planes = &node.planes[axis][backward[axis] & 1];
-        S::F::load(simd, planes).mul(S::F::splat(simd, toward[axis]))
-    };
-    let key = along(0).add(along(1)).add(along(2)).lanes();
+    let key = key.lanes();
     let mut sorted = [(0.0, 0); W];
     let mut count = 0;
     let mut rest = met;
@@ -397,16 +430,25 @@ fn leaf<'a, S: Simd, A: Answers<'a>>(
 struct Leaf<'a> {
     rows: &'a [f32; BLOCK_WORDS],
     count: usize,
+    /// Around them.
+    bounds: Aabb,
 }
 
 impl Leaf<'_> {
+    #[inline(always)]
     fn corners(&self, triangle: usize) -> [[f32; 3]; 3] {
-        let word = |row: usize| self.rows[(row * self.count + triangle) % BLOCK_WORDS];
+        let word = |row: usize| self.word(row, triangle);
         [[word(0), word(1), word(2)], [word(3), word(4), word(5)], [word(6), word(7), word(8)]]
     }
 
+    #[inline(always)]
     fn id(&self, triangle: usize) -> u32 {
-        self.rows[(9 * self.count + triangle) % BLOCK_WORDS].to_bits()
+        self.word(9, triangle).to_bits()
+    }
+
+    #[inline(always)]
+    fn word(&self, row: usize, triangle: usize) -> f32 {
+        self.rows.get(row * self.count + triangle).copied().unwrap_or(0.0)
     }
 }
 
@@ -446,7 +488,7 @@ fn leaf_of_one<'a, S: Simd, A: Answers<'a>>(
             break;
         }
     }
-    record.0[T_MAX] = answers.settle(slot, visitor);
+    record.0[T_MAX] = answers.settle(slot, record.0[T_MAX], visitor);
 }
 
 /// One triangle after the other against up to 16 rays.
@@ -468,8 +510,32 @@ fn leaf_of_many<'a, S: Simd, A: Answers<'a>>(
     for lane in 0..RAYS {
         ids[lane] = room.ids[at + lane.min(len - 1)] as usize;
     }
-    let (bundle, mut t_max) = gather(simd, class, &ids, room);
-    let lanes = (1 << len) - 1;
+    let mut rows = [&room.records[ids[0]].0; RAYS];
+    let mut along = [0.0; RAYS];
+    for lane in 0..RAYS {
+        rows[lane] = &room.records[ids[lane]].0;
+        along[lane] = room.rest[ids[lane]].along;
+    }
+    let mut columns = [[0.0; RAYS]; 16];
+    simd.transpose(&rows, &mut columns);
+    let mut t_max = columns[T_MAX];
+    let c = &columns;
+    let bundle = Bundle {
+        axes: class.axes(),
+        backward: class.backward(),
+        origin: [&c[ORIGIN], &c[ORIGIN + 1], &c[ORIGIN + 2]],
+        shear: [&c[SHEAR], &c[SHEAR + 1]],
+        along: &along,
+        near: [&c[NEAR], &c[NEAR + 1], &c[NEAR + 2]],
+        far: [&c[FAR], &c[FAR + 1], &c[FAR + 2]],
+        reciprocal: [&c[RECIPROCAL], &c[RECIPROCAL + 1], &c[RECIPROCAL + 2]],
+        t_min: &c[T_MIN],
+    };
+    // Hits that were found since the list was made may hide the whole leaf.
+    let lanes = (1 << len) - 1 & bundle.meets(simd, &leaf.bounds, &t_max);
+    if lanes == 0 {
+        return;
+    }
     for triangle in 0..leaf.count {
         let Some(met) = bundle.hit(simd, &leaf.corners(triangle), lanes, &t_max) else { continue };
         let name = leaf.id(triangle);
@@ -485,37 +551,8 @@ fn leaf_of_many<'a, S: Simd, A: Answers<'a>>(
             let mut visitor = answers.visitor(slot, t_max[lane]);
             // Whether the ray goes on, its record knows.
             let _ = visitor.hit(Found { t, u, v, id: name, inst: 0, structure });
-            t_max[lane] = answers.settle(slot, visitor);
+            t_max[lane] = answers.settle(slot, t_max[lane], visitor);
             room.records[ids[lane]].0[T_MAX] = t_max[lane];
         }
     }
-}
-
-/// 16 rays side by side, and the greatest `t` that matter to them.
-#[inline(always)]
-fn gather<S: Simd>(
-    simd: S,
-    class: Class,
-    ids: &[usize; RAYS],
-    room: &Room,
-) -> (Bundle<S>, [f32; RAYS]) {
-    let mut rows = [&room.records[ids[0]].0; RAYS];
-    let mut along = [0.0; RAYS];
-    for lane in 0..RAYS {
-        rows[lane] = &room.records[ids[lane]].0;
-        along[lane] = room.rest[ids[lane]].along;
-    }
-    let c = simd.transpose(&rows);
-    let bundle = Bundle {
-        axes: class.axes(),
-        backward: class.backward(),
-        origin: [c[ORIGIN], c[ORIGIN + 1], c[ORIGIN + 2]],
-        shear: [c[SHEAR], c[SHEAR + 1]],
-        along,
-        near: [c[NEAR], c[NEAR + 1], c[NEAR + 2]],
-        far: [c[FAR], c[FAR + 1], c[FAR + 2]],
-        reciprocal: [c[RECIPROCAL], c[RECIPROCAL + 1], c[RECIPROCAL + 2]],
-        t_min: c[T_MIN],
-    };
-    (bundle, c[T_MAX].lanes())
 }
