@@ -3,6 +3,7 @@
 
 mod architecture;
 mod formatting;
+mod rivals;
 mod setup;
 mod step;
 mod test;
@@ -15,7 +16,8 @@ const USAGE: &str = "\
 usage: cargo xtask <chore>
 
   test           set up, then every check: formatting, lints, features, tests, docs, architecture
-  architecture   only: who may know whom, where `unsafe` may stand, whether the map is true";
+  architecture   only: who may know whom, where `unsafe` may stand, whether the map is true
+  rivals         fetch what `treelet bench --against embree` needs";
 
 fn main() -> ExitCode {
     let words: Vec<String> = std::env::args().skip(1).collect();
@@ -23,6 +25,7 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["test"] => test::run(&root()),
         ["architecture"] => architecture::run(&root()),
+        ["rivals"] => rivals::run(&root()),
         ["help" | "--help" | "-h"] => {
             eprintln!("{USAGE}");
             Ok(())

@@ -12,6 +12,7 @@ pub mod check;
 pub mod crew;
 pub mod engine;
 pub mod marks;
+pub mod peak;
 pub mod rays;
 pub mod report;
 pub mod rivals;

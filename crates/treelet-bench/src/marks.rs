@@ -47,6 +47,9 @@ pub struct Mark {
 /// A cell of a mark: where, and the ratio there.
 type Cell = (String, Ratio);
 
+/// Which slices count.
+type Length<'a> = &'a dyn Fn(&Trace) -> bool;
+
 /// Which way is better.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Better {
@@ -129,7 +132,7 @@ impl Facts<'_> {
         // Slices, each kind; of all the rays in both orders, and short ones.
         let whole = |trace: &Trace| trace.width as u64 == trace.rays;
         let short = |trace: &Trace| trace.width == SHORT_SLICE;
-        let rows: [(&str, Order, f64, &dyn Fn(&Trace) -> bool); 3] = [
+        let rows: [(&str, Order, f64, Length<'_>); 3] = [
             ("slices", Order::Given, 1.4, &whole),
             ("shuffled slices", Order::Shuffled, 1.5, &whole),
             ("slices of 1024", Order::Given, 1.15, &short),
@@ -237,7 +240,7 @@ impl Facts<'_> {
         kind: Kind,
         order: Order,
         best: &str,
-        length: &dyn Fn(&Trace) -> bool,
+        length: Length<'_>,
     ) -> Option<Ratio> {
         let ours = self.find(scene, threads, kind, order, |t| {
             t.engine == ours::NAME && t.variant == best && t.api == Api::Many && length(t)

@@ -36,6 +36,8 @@ pub struct Machine {
     pub system: String,
     /// Whether every engine had transparent huge pages, or none.
     pub huge_pages: bool,
+    /// What the system says about them: `always`, `madvise` or `never`; `unknown` where it does not.
+    pub huge_pages_system: String,
     /// `wall`, or `processor`: with one thread, time that the processor spent.
     pub clock: &'static str,
     /// Rounds that count.
@@ -203,5 +205,13 @@ impl Machine {
         let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
         let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(':'));
         name.map_or_else(|| "unknown".to_owned(), |(_, name)| name.trim().to_owned())
+    }
+
+    /// The system's setting for transparent huge pages: the word in brackets.
+    pub fn huge_pages_setting() -> String {
+        let file = "/sys/kernel/mm/transparent_hugepage/enabled";
+        let text = std::fs::read_to_string(file).unwrap_or_default();
+        let chosen = text.split_once('[').and_then(|(_, rest)| rest.split_once(']'));
+        chosen.map_or_else(|| "unknown".to_owned(), |(word, _)| word.to_owned())
     }
 }

@@ -421,8 +421,11 @@ impl Group<'_> {
         let question = self.kind.question();
         for contender in contenders {
             for &call in &contender.calls {
-                // The hint is for rays that are what it says.
-                if call.coherent && (self.kind != Kind::Primary || self.order != Order::Given) {
+                // The hint is for rays that are what it says. On kitchen_bitterli it made Embree's
+                // packets of 16 2.6 times as fast for primary rays and 1.05 for shadow rays, but
+                // 0.70 for occlusion, 0.55 for diffuse and 0.33 for random ones.
+                let coherent = matches!(self.kind, Kind::Primary | Kind::Shadow);
+                if call.coherent && !(coherent && self.order == Order::Given) {
                     continue;
                 }
                 let widths = if call.width == Call::SLICE {

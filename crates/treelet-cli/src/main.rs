@@ -14,6 +14,7 @@ mod progress;
 mod ray_text;
 mod session;
 mod text;
+mod tree_flags;
 mod verb;
 
 use std::process::ExitCode;

@@ -32,6 +32,7 @@ pub mod geometry;
 pub mod layout;
 pub mod math;
 pub mod memory;
+pub mod optimize;
 mod query;
 pub mod scene;
 pub mod simd;
@@ -45,7 +46,8 @@ pub use context::{Cancel, Cancelled, Context};
 pub use geometry::{Hit, Mesh};
 pub use math::{Affine, Ray};
 pub use scene::{
-    BuildOptions, BuildReport, HitLists, Invalid, Scene, SceneBuilder, SceneError, WrongLength,
+    BuildOptions, BuildReport, HitLists, Invalid, Quality, Scene, SceneBuilder, SceneError,
+    WrongLength,
 };
 pub use trace::Counters;
 

@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::sync::Mutex;
 use std::time::{Duration, Instant};
 use treelet::bounds::Aabb;
-use treelet::build::{self, BinnedSah, BuildError, Builder, ObjectMedian, SpatialMedian, SweepSah};
+use treelet::build::{self, BinnedSah, BuildError, Builder, Hploc, Lbvh};
+use treelet::build::{ObjectMedian, SpatialMedian, SweepSah};
 use treelet::context::Progress;
 use treelet::memory::Array;
 use treelet::tree::validate::Inside;
@@ -94,9 +95,11 @@ fn depth_is_bounded_for_every_option() {
     let builders: Vec<Box<dyn Builder>> = vec![
         Box::new(SpatialMedian { leaf_max: 1 }),
         Box::new(ObjectMedian { leaf_max: 1 }),
+        Box::new(Lbvh { leaf_max: 1 }),
+        Box::new(Hploc { leaf_max: 1 }),
         Box::new(SweepSah { leaf_max: 1, visit_cost: 0.0 }),
-        Box::new(BinnedSah { leaf_max: 1, visit_cost: 0.0, bins: 2 }),
-        Box::new(BinnedSah { leaf_max: 64, visit_cost: 1000.0, bins: 32 }),
+        Box::new(BinnedSah { leaf_max: 1, visit_cost: 0.0, bins: 2, block: 1 }),
+        Box::new(BinnedSah { leaf_max: 64, visit_cost: 1000.0, bins: 32, block: 64 }),
     ];
     let mut deepest = 0;
     for (name, bounds) in [
@@ -129,11 +132,16 @@ fn options_out_of_range_are_named() {
         let bad = f64::from(leaf_max);
         check(&SpatialMedian { leaf_max }, "leaf_max", bad);
         check(&ObjectMedian { leaf_max }, "leaf_max", bad);
+        check(&Lbvh { leaf_max }, "leaf_max", bad);
+        check(&Hploc { leaf_max }, "leaf_max", bad);
         check(&SweepSah { leaf_max, ..SweepSah::DEFAULT }, "leaf_max", bad);
         check(&BinnedSah { leaf_max, ..BinnedSah::DEFAULT }, "leaf_max", bad);
     }
     for bins in [0, 1, 33, u32::MAX] {
         check(&BinnedSah { bins, ..BinnedSah::DEFAULT }, "bins", f64::from(bins));
+    }
+    for block in [0, 65, u32::MAX] {
+        check(&BinnedSah { block, ..BinnedSah::DEFAULT }, "block", f64::from(block));
     }
     for visit_cost in [-1.0, f32::NAN, f32::INFINITY, 1000.1, -f32::MIN_POSITIVE] {
         let bad = f64::from(visit_cost);
@@ -145,7 +153,7 @@ fn options_out_of_range_are_named() {
     for leaf_max in [1, 2, 64] {
         for visit_cost in [0.0, 1000.0] {
             let sweep = plain(&SweepSah { leaf_max, visit_cost }, &bounds);
-            let binned = plain(&BinnedSah { leaf_max, visit_cost, bins: 2 }, &bounds);
+            let binned = plain(&BinnedSah { leaf_max, visit_cost, bins: 2, block: 1 }, &bounds);
             for tree in [sweep, binned] {
                 tree.validate(&bounds).unwrap();
                 assert!(tree.stats().leaf_max <= leaf_max);
@@ -182,21 +190,46 @@ fn small_stacks_are_enough() {
     }
 }
 
+/// Meshes on which the heuristic tells builders apart.
+fn telling_meshes() -> [(&'static str, Vec<Aabb>); 3] {
+    [
+        ("sphere", boxes(&closed::sphere(128, 64))),
+        ("random", random_boxes(20_000)),
+        ("star", boxes(&closed::random_star(96, 48, 1))),
+    ]
+}
+
 #[test]
 fn sweep_beats_binned_beats_medians() {
-    let mut meshes = vec![("sphere", boxes(&closed::sphere(128, 64)))];
-    meshes.push(("random", random_boxes(20_000)));
-    meshes.push(("star", boxes(&closed::random_star(96, 48, 1))));
-    for (name, bounds) in meshes {
-        let cost = |builder: &str| {
-            let tree = plain(build::by_name(builder).unwrap(), &bounds);
-            tree.sah(&SahConstants::default())
-        };
-        let [sweep, binned] = ["sweep-sah", "binned-sah"].map(cost);
-        let medians = ["object-median", "spatial-median"].map(cost);
+    // The price of leaves that the sweep and `SahConstants` have: each primitive by itself.
+    let binned = BinnedSah { block: 1, ..BinnedSah::DEFAULT };
+    for (name, bounds) in telling_meshes() {
+        let cost = |builder| plain(builder, &bounds).sah(&SahConstants::default());
+        let [sweep, binned] = [&SweepSah::DEFAULT as &dyn Builder, &binned].map(cost);
+        let medians = [&ObjectMedian::DEFAULT as &dyn Builder, &SpatialMedian::DEFAULT].map(cost);
         // Both are greedy, so the finer choice may lose a little in the end.
         assert!(sweep <= binned * 1.01, "{name}: sweep {sweep}, binned {binned}");
         assert!(medians.iter().all(|median| binned < *median), "{name}: {binned}, {medians:?}");
+    }
+}
+
+#[test]
+fn leaves_are_filled_when_that_costs_nothing() {
+    for (name, bounds) in telling_meshes() {
+        let measure = |block: u32| {
+            let tree = plain(&BinnedSah { block, ..BinnedSah::DEFAULT }, &bounds);
+            let root = tree.bounds().half_area();
+            let price = |node: &Node| match node.kind() {
+                Kind::Inner { .. } => 1.0,
+                Kind::Leaf { count, .. } => count.div_ceil(4) as f64,
+            };
+            let cost: f64 =
+                tree.nodes.iter().map(|node| price(node) * node.bounds.half_area() / root).sum();
+            (cost, tree.stats().leaf_mean())
+        };
+        let [(single, few), (block, many)] = [1, 4].map(measure);
+        assert!(block < single, "{name}: {block} in blocks of four, {single} one by one");
+        assert!(many > 3.5 && few < 3.0, "{name}: {many} and {few} in a leaf");
     }
 }
 
@@ -255,7 +288,8 @@ fn a_build_stops_soon_after_it_is_told_to() {
             let moment = Duration::from_secs_f32(random.unit() * latest_ms / 1000.0);
             let cancel = Cancel::new();
             let context = Context { cancel: cancel.clone(), progress: None };
-            let options = BuildOptions { builder, context, ..BuildOptions::default() };
+            let options =
+                BuildOptions { builder: Some(builder), context, ..BuildOptions::default() };
             let (asked, answer) = std::thread::scope(|scope| {
                 let other = scope.spawn(|| {
                     std::thread::sleep(moment);

@@ -41,7 +41,7 @@ fn random_map(random: &mut Random, least: f32, most: f32) -> Affine {
 /// A scene for every way in which instances can be awkward.
 fn scenes(builder: &dyn build::Builder) -> Vec<(&'static str, Scene)> {
     let make = |scene: SceneBuilder| {
-        scene.build(&BuildOptions { builder, ..BuildOptions::default() }).unwrap()
+        scene.build(&BuildOptions { builder: Some(builder), ..BuildOptions::default() }).unwrap()
     };
     let only = |shape: &Shape| make(Scene::builder().mesh(mesh(shape)));
     let sphere = only(&closed::sphere(16, 8));
@@ -463,7 +463,8 @@ fn one_thin_board_does_not_switch_culling_off() {
         let board = Affine::translation([-10.0, -10.0, -2.0])
             .then_from(&Affine::scaling([50.0, 50.0, thickness]));
         let with_board = work(&built(crowd().instance(&cube, board)));
-        // The board itself is larger than a cube, so some rays do meet it.
-        assert!(with_board < 2 * plain, "thickness {thickness}: {with_board} against {plain}");
+        // The board itself is larger than all cubes: most rays enter it, and visit its one node.
+        let own = 2 * rays.len() as u64;
+        assert!(with_board < 2 * plain + own, "thickness {thickness}: {with_board}, {plain}");
     }
 }

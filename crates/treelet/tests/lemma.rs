@@ -2,6 +2,7 @@
 //! attacked with what breaks floating point, held against f64 where that is exact enough.
 
 use treelet::bounds::{Aabb, Interval, SlabRay};
+use treelet::geometry::clip::clipped_bounds;
 use treelet::geometry::{Meeting, TriangleRay};
 use treelet::verify::Random;
 
@@ -296,6 +297,64 @@ fn the_ray_is_at_t_where_the_weights_are() {
     }
     eprintln!("at most {worst:.2} u R between the ray and the weights' point");
     assert!(hits > 500_000, "only {hits} hits");
+}
+
+/// The lemma for triangles in pieces (`build::split_sah`): of the boxes around the parts on both
+/// sides of a plane, one admits the `t` that the whole triangle was met at. Planes go through what
+/// the ray is aimed at, or close by.
+#[test]
+fn accepted_t_lies_in_the_box_of_a_part() {
+    let mut random = Random::new(SEED);
+    let (mut hits, mut cut, mut worst) = (0, 0, 0.0_f64);
+    for round in 0..1_000_000 {
+        let case = case(&mut random);
+        let got = if valid(&case) { meet(&case, &case.corners) } else { None };
+        let Some(Meeting { t, .. }) = got else { continue };
+        hits += 1;
+        // Cells around a point where the ray is: up to three planes, each cutting all the others.
+        let own = Aabb::of_points(&case.corners);
+        let at: [f32; 3] = std::array::from_fn(|i| case.origin[i] + t * case.direction[i]);
+        let mut cells = vec![own];
+        for axis in 0..3 {
+            let plane = match random.below(5) {
+                0 => continue,
+                1 => case.corners[random.below(3) as usize][axis],
+                2 => at[axis].next_up(),
+                3 => at[axis].next_down(),
+                _ => at[axis],
+            };
+            let both = cells.iter().flat_map(|cell| {
+                let (mut below, mut above) = (*cell, *cell);
+                below.hi[axis] = below.hi[axis].min(plane);
+                above.lo[axis] = above.lo[axis].max(plane);
+                [below, above]
+            });
+            cells = both.filter(|cell| !cell.is_empty()).collect();
+        }
+        cut += usize::from(cells.len() > 1);
+        let slab = slab(&case);
+        let admits = |cell: &Aabb| {
+            let part = clipped_bounds(&case.corners, cell);
+            let inside = slab.interval(&part);
+            !part.is_empty() && inside.entry <= t && t <= inside.exit
+        };
+        assert!(cells.iter().any(admits), "round {round}, {case:?}: {t} is in none of {cells:?}");
+        // How far the ray is from the nearest box, at `t`, against the 8 u R of the derivation.
+        let longest = case.direction.iter().fold(0.0_f32, |l, d| l.max(d.abs()));
+        let smallest = f64::from(f32::from_bits(1)) * (1.0 + f64::from(longest));
+        let off = cells.iter().map(|cell| {
+            let part = clipped_bounds(&case.corners, cell);
+            (0..3).fold(0.0_f64, |off, i| {
+                let here = f64::from(case.origin[i]) + f64::from(t) * f64::from(case.direction[i]);
+                off.max(f64::from(part.lo[i]) - here).max(here - f64::from(part.hi[i]))
+            })
+        });
+        let off = off.fold(f64::INFINITY, f64::min);
+        worst = worst.max(off / (U * f64::from(reach(&case)) + smallest));
+    }
+    eprintln!("at most {worst:.2} u R between the ray and the nearest part");
+    assert!(worst <= 8.0, "{worst} u R");
+    assert!(hits > 250_000 && cut > 200_000, "only {hits} hits, {cut} cut");
 }
 
 #[test]

@@ -24,7 +24,7 @@ fn build_for(
     level: Level,
     layout: Option<LayoutChoice>,
 ) -> Scene {
-    let options = BuildOptions { builder, level, layout, ..BuildOptions::default() };
+    let options = BuildOptions { builder: Some(builder), level, layout, ..BuildOptions::default() };
     Scene::builder().mesh(mesh(shape)).build(&options).expect("awkward scenes build")
 }
 

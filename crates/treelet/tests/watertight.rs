@@ -24,7 +24,7 @@ struct Closed {
 
 fn build(shape: &Shape, builder: &dyn Builder) -> Scene {
     let mesh = Mesh::new(shape.positions.clone(), shape.triangles.clone());
-    let options = BuildOptions { builder, ..BuildOptions::default() };
+    let options = BuildOptions { builder: Some(builder), ..BuildOptions::default() };
     Scene::builder().mesh(mesh).build(&options).expect("closed meshes build")
 }
 

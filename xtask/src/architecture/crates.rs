@@ -12,7 +12,11 @@ const MAY_KNOW: &[(&str, &[&str])] = &[
     ("treelet-model", &["treelet"]),
     ("treelet-import", &["treelet", "treelet-model"]),
     ("treelet-render", &["treelet", "treelet-model"]),
-    ("treelet-cli", &["treelet", "treelet-model", "treelet-import", "treelet-render"]),
+    ("treelet-bench", &["treelet", "treelet-model"]),
+    (
+        "treelet-cli",
+        &["treelet", "treelet-model", "treelet-import", "treelet-render", "treelet-bench"],
+    ),
     ("xtask", &[]),
 ];
 

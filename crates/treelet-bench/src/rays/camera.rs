@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 
 use treelet::math::vec3;
+use treelet::verify::Random;
 use treelet::{Aabb, Ray, Scene};
 
 /// Pixels along the edge of a tile.
@@ -39,7 +40,7 @@ impl Camera {
     }
 
     /// Of some views from inside and outside, the one that sees most different triangles over most
-    /// of its picture, and not only what is right before it.
+    /// of its picture, and not only what is right before it. Sky counts twice: rays into it are cheap.
     pub fn choose(scene: &Scene, up: usize) -> Self {
         let views = candidates(&scene.bounds(), up);
         let mut best = (f64::NEG_INFINITY, None);
@@ -72,7 +73,8 @@ impl Camera {
         let near = distances[distances.len() / 2] < NEAR * vec3::dot(extent, extent).sqrt();
         let seen: BTreeSet<u32> = hits.iter().map(|hit| hit.prim).collect();
         let all = (TRIAL * TRIAL) as f64;
-        let worth = hits.len() as f64 / all * (0.1 + seen.len() as f64 / all);
+        let seen_of_all = hits.len() as f64 / all;
+        let worth = seen_of_all * seen_of_all * (0.1 + seen.len() as f64 / all);
         if near { 0.1 * worth } else { worth }
     }
 
@@ -95,8 +97,12 @@ impl Camera {
         let across = side / TILE;
         let wanted = count.div_ceil(TILE * TILE);
         let mut rays = Vec::with_capacity(wanted * TILE * TILE);
+        let mut random = Random::new(0xCA);
         for number in 0..wanted {
-            let tile = number * across * across / wanted;
+            // One of the tiles of its share, at random: every so many would be all in one column.
+            let share = |number: usize| number * across * across / wanted;
+            let (from, to) = (share(number), share(number + 1));
+            let tile = from + random.below((to - from) as u64) as usize;
             let (left, top) = (tile % across * TILE, tile / across * TILE);
             rays.extend(
                 (0..TILE * TILE).map(|pixel| {
@@ -114,7 +120,7 @@ fn even_bits(bits: usize) -> usize {
     (0..4).map(|bit| (bits >> (2 * bit) & 1) << bit).sum()
 }
 
-/// Views from outside at eye height and from above, and from inside in eight directions.
+/// Views from inside and outside, in eight directions.
 fn candidates(bounds: &Aabb, up: usize) -> Vec<Camera> {
     // `side` and `depth` are the level axes.
     let (side, depth) = (0, 3 - up);
@@ -144,9 +150,11 @@ fn candidates(bounds: &Aabb, up: usize) -> Vec<Camera> {
     for (x, z) in AROUND {
         let around =
             |distance: f32, height: f32| at(0.5 + distance * x, height, 0.5 + distance * z);
-        // From inside: the middle, the far end and the wall behind.
+        // From inside, half-way up and near the ground: from the middle, and from the wall behind.
         views.push((at(0.5, 0.5, 0.5), around(1.0, 0.4)));
         views.push((around(-0.42, 0.5), around(0.5, 0.35)));
+        views.push((at(0.5, 0.15, 0.5), around(1.0, 0.12)));
+        views.push((around(-0.42, 0.2), around(0.5, 0.1)));
         // From outside: low and high.
         views.push((around(-1.3, 0.7), at(0.5, 0.5, 0.5)));
         views.push((around(-0.75, 1.8), at(0.5, 0.3, 0.5)));
@@ -156,7 +164,7 @@ fn candidates(bounds: &Aabb, up: usize) -> Vec<Camera> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Camera, TILE};
+    use super::Camera;
     use std::collections::BTreeSet;
 
     #[test]
@@ -166,9 +174,13 @@ mod tests {
         let directions: BTreeSet<_> =
             rays.iter().map(|ray| ray.direction.map(f32::to_bits)).collect();
         assert_eq!((rays.len(), directions.len()), (1 << 20, 1 << 20));
-        // The first tile is the first tile of fewer rays too, and nobody gets more than asked for.
-        let few = camera.tiled(1000);
-        assert_eq!(few.len(), 1000);
-        assert_eq!(few[..TILE * TILE], rays[..TILE * TILE]);
+        // Fewer rays are tiles of the same picture, all over it, and no more than asked for.
+        let few = camera.tiled(16_000);
+        assert_eq!(few.len(), 16_000);
+        assert!(few.iter().all(|ray| directions.contains(&ray.direction.map(f32::to_bits))));
+        for axis in [0, 1] {
+            let side = few.iter().filter(|ray| ray.direction[axis] > 0.0).count();
+            assert!((6_000..10_000).contains(&side), "{side} of 16000 on one side");
+        }
     }
 }

@@ -1,10 +1,16 @@
 //! treelet itself, as its users call it.
 //!
+//! A variant is a builder's name, and perhaps a layout's or a level's after it: `binned-sah`,
+//! `binned-sah wide8`, `binned-sah avx2`. What is not named is the library's own choice.
+//!
 //! The single-ray calls go through a function that is never inlined, so that a loop over rays gains
 //! nothing that a renderer's code would not.
 
-use treelet::build::{self, Builder};
-use treelet::{BuildOptions, Hit, Mesh, Ray, Scene};
+use treelet::build;
+use treelet::layout;
+use treelet::scene::LayoutChoice;
+use treelet::simd::Level;
+use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
 
 use crate::engine::{
     Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
@@ -19,7 +25,7 @@ pub const NAME: &str = "treelet";
 
 /// The variant that users get without asking.
 pub fn default_variant() -> &'static str {
-    BuildOptions::default().builder.info().name
+    Quality::default().name()
 }
 
 impl Engine for Treelet {
@@ -32,7 +38,19 @@ impl Engine for Treelet {
     }
 
     fn variants(&self) -> Vec<String> {
-        build::ALL.iter().map(|builder| builder.info().name.to_owned()).collect()
+        let mut variants = self.usual_variants();
+        for builder in self.usual_variants() {
+            let layouts = layouts().map(|(name, _)| name);
+            let levels =
+                Level::ALL.iter().filter(|level| level.is_available()).map(|level| level.name());
+            variants.extend(layouts.chain(levels).map(|name| format!("{builder} {name}")));
+        }
+        variants
+    }
+
+    fn usual_variants(&self) -> Vec<String> {
+        let builders = build::ALL.iter().map(|builder| builder.info().name);
+        Quality::ALL.map(Quality::name).into_iter().chain(builders).map(str::to_owned).collect()
     }
 
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
@@ -41,12 +59,34 @@ impl Engine for Treelet {
     }
 }
 
-/// A scene of these triangles by the builder of that name.
+/// The layouts by name.
+fn layouts() -> impl Iterator<Item = (&'static str, LayoutChoice)> {
+    layout::ALL.iter().map(|info| info.name).zip(LayoutChoice::ALL.iter().copied())
+}
+
+/// What a variant's name asks for; `None` if a word of it is not known.
+fn options(variant: &str) -> Option<BuildOptions<'static>> {
+    let mut words = variant.split(' ');
+    let mut options = BuildOptions::default();
+    let word = words.next()?;
+    match Quality::by_name(word) {
+        Some(quality) => options.quality = quality,
+        None => options.builder = Some(build::by_name(word)?),
+    }
+    for word in words {
+        match (layouts().find(|(name, _)| *name == word), Level::by_name(word)) {
+            (Some((_, layout)), _) => options.layout = Some(layout),
+            (None, level) => options.level = level?,
+        }
+    }
+    Some(options)
+}
+
+/// A scene of these triangles, built as the variant's name says.
 pub(crate) fn scene(variant: &str, triangles: &Triangles) -> Result<Scene, EngineError> {
-    let builder: &dyn Builder = build::by_name(variant)
-        .ok_or_else(|| EngineError::Missing(format!("treelet has no builder `{variant}`")))?;
+    let options = options(variant)
+        .ok_or_else(|| EngineError::Missing(format!("treelet has no variant `{variant}`")))?;
     let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
-    let options = BuildOptions { builder, ..BuildOptions::default() };
     let scene = Scene::builder().mesh(mesh).build(&options);
     scene.map_err(|error| EngineError::Refused(error.to_string()))
 }

@@ -1,20 +1,22 @@
 //! `treelet bench`: treelet and its rivals on the same triangles and the same rays.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::process::Command;
 use std::sync::Mutex;
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
+use serde::Serialize;
 use treelet::Cancel;
-use treelet_bench::crew::Clock;
+use treelet_bench::crew::{Clock, Crew};
 use treelet_bench::engine::{Engine, EngineError};
 use treelet_bench::rays::Kind;
-use treelet_bench::report::{EngineLine, Machine, Missing, Order, Report};
+use treelet_bench::report::{Build, EngineLine, Machine, Missing, Order, Report};
 use treelet_bench::rivals::{self, embree};
 use treelet_bench::rounds::Rounds;
 use treelet_bench::run::{self, BenchError, Plan, Subject, Watcher};
 use treelet_bench::scenes::{self, Generated};
-use treelet_bench::{marks, table};
+use treelet_bench::{marks, peak, table};
 
 use crate::ending::{Ending, Failure};
 use crate::input::{Input, SceneFlags};
@@ -56,9 +58,9 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "S", default_value_t = 0.3, value_parser = seconds)]
     seconds: f64,
 
-    /// Builders of treelet's to measure [default: all].
+    /// Builders of treelet's to measure, perhaps with a layout or a level, such as "binned-sah avx2"
+    /// [default: all builders].
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
-    #[arg(value_parser = crate::arguments::builder_names())]
     builders: Vec<String>,
 
     /// Variants of the rivals to measure, such as "HIGH robust" [default: each rival's usual ones].
@@ -74,9 +76,18 @@ pub(crate) struct Flags {
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     slice: Vec<u64>,
 
-    /// Measure all that the marks need: both orders, long and short slices, one thread and all.
+    /// Measure all that the marks need: both orders, long and short slices, peaks of memory, one
+    /// thread and all.
     #[arg(long)]
     marks: bool,
+
+    /// Measure the most memory that each build takes, in a process of its own.
+    #[arg(long)]
+    peaks: bool,
+
+    /// What that process is told: measure one build's peak and print its bytes.
+    #[arg(long, hide = true, value_name = "ENGINE/VARIANT")]
+    peak_of: Option<String>,
 
     /// Transparent huge pages for every engine, or for none.
     #[arg(long, value_enum, default_value_t = HugePages::All)]
@@ -124,6 +135,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Measures scene after scene.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
+    if let Some(what) = &flags.peak_of {
+        return peak_here(what, &flags, session);
+    }
     if flags.hugepages == HugePages::All {
         with_huge_pages()?;
     } else {
@@ -153,7 +167,14 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let watcher = Steps::new(session.cancel.clone());
     for scene in &flags.scenes {
         let subject = subject(scene, &flags, session)?;
-        let result = run::scene(&subject, &mut engines, &plan, &watcher).map_err(failure)?;
+        let mut result = run::scene(&subject, &mut engines, &plan, &watcher).map_err(failure)?;
+        if flags.peaks || flags.marks {
+            drop(subject);
+            for build in &mut result.builds {
+                watcher.step(&format!("peak of {} {}", build.engine, build.variant));
+                build.peak_bytes_per_tri = peak_elsewhere(build, scene, &flags, session)?;
+            }
+        }
         watcher.clear();
         table::scene(&result.scene, &result.builds, &result.traces).iter().for_each(|line| say(line));
         report.scenes.push(result.scene);
@@ -221,13 +242,18 @@ fn plan(flags: &Flags, session: &Session) -> Plan {
     }
 }
 
-/// treelet, and the rivals that are there; and those that are not.
-fn engines(flags: &Flags) -> (Vec<Box<dyn Engine>>, Vec<Missing>) {
-    let wishes = embree::Wishes {
+/// How Embree is wanted.
+fn wishes(flags: &Flags) -> embree::Wishes {
+    embree::Wishes {
         library: flags.embree.clone(),
         isa: flags.embree_isa.clone(),
         huge_pages: flags.hugepages == HugePages::All,
-    };
+    }
+}
+
+/// treelet, and the rivals that are there; and those that are not.
+fn engines(flags: &Flags) -> (Vec<Box<dyn Engine>>, Vec<Missing>) {
+    let wishes = wishes(flags);
     let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(rivals::treelet::Treelet)];
     let mut missing = Vec::new();
     for name in &flags.against {
@@ -247,6 +273,7 @@ fn machine(flags: &Flags, plan: &Plan) -> Machine {
         processors: std::thread::available_parallelism().map_or(1, usize::from),
         system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
         huge_pages: flags.hugepages == HugePages::All,
+        huge_pages_system: Machine::huge_pages_setting(),
         clock: match plan.clock {
             Clock::Wall => "wall",
             Clock::Processor => "processor",
@@ -277,8 +304,66 @@ fn subject(scene: &PathBuf, flags: &Flags, session: &Session) -> Result<Subject,
     Ok(Subject { name, generated: false, triangles, up: Some(input.up) })
 }
 
+/// What `--peak-of` prints.
+#[derive(Serialize)]
+struct Peak {
+    bytes: u64,
+}
+
+/// Measures the peak of one build, in this process.
+fn peak_here(what: &str, flags: &Flags, session: &Session) -> Result<Outcome, Failure> {
+    without_huge_pages();
+    let (engine, variant) = what.split_once('/').unwrap_or((what, ""));
+    let [scene] = flags.scenes.as_slice() else {
+        return Err(Failure::Usage("--peak-of takes one scene".into()));
+    };
+    let subject = subject(scene, flags, session)?;
+    let wishes = wishes(flags);
+    let mut engine: Box<dyn Engine> = match engine {
+        rivals::treelet::NAME => Box::new(rivals::treelet::Treelet),
+        name => rivals::rival(name, &wishes)?,
+    };
+    let crew = Crew::new(session.threads, Clock::Wall)?;
+    crew.at_large(|| engine.prepare(crew.threads()))?;
+    let bytes = peak::of_build(&*engine, variant, &subject.triangles, &crew)?;
+    Outcome::new("bench", &Peak { bytes }, Ending::Done)
+}
+
+/// Measures the peak of one build in a process of its own; bytes a triangle, the caller's arrays
+/// included where the engine keeps them. `None`, with a warning, where that process fails.
+fn peak_elsewhere(
+    build: &Build,
+    scene: &Path,
+    flags: &Flags,
+    session: &Session,
+) -> Result<Option<f64>, Failure> {
+    if session.cancel.is_cancelled() {
+        return Err(Failure::Cancelled);
+    }
+    let mut command = Command::new(std::env::current_exe()?);
+    command.env(peak::VARIABLE, peak::TUNABLES).arg("bench");
+    command.args(flags.scene_flags.words().split_whitespace());
+    command.args(["--json", "--hugepages", "none", "--threads", &build.threads.to_string()]);
+    command.arg("--peak-of").arg(format!("{}/{}", build.engine, build.variant));
+    if let Some(library) = &flags.embree {
+        command.arg("--embree").arg(library);
+    }
+    if let Some(isa) = &flags.embree_isa {
+        command.arg("--embree-isa").arg(isa);
+    }
+    command.arg("--").arg(scene);
+    let output = command.output()?;
+    let report: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    let Some(bytes) = report["bytes"].as_f64().filter(|_| output.status.success()) else {
+        let reason = report["error"].to_string();
+        warn(&format!("no peak for {} {}: {reason}", build.engine, build.variant));
+        return Ok(None);
+    };
+    Ok(Some(bytes / build.triangles as f64 + build.shared_bytes_per_tri))
+}
+
 /// The file's name without folders, wrapper and format.
-fn scene_name(scene: &std::path::Path) -> String {
+fn scene_name(scene: &Path) -> String {
     let name = scene.file_name().unwrap_or_default().to_string_lossy();
     let name = name.trim_end_matches(".gz").trim_end_matches(".zst");
     name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned()
@@ -302,7 +387,7 @@ fn with_huge_pages() -> Result<(), Failure> {
     let mut words = std::env::args_os();
     words.next();
     // `exec` comes back only where it failed.
-    let error = std::process::Command::new(program).args(words).env(TUNABLES, set).exec();
+    let error = Command::new(program).args(words).env(TUNABLES, set).exec();
     Err(Failure::told(format!(
         "the command cannot start itself with {TUNABLES} set ({error}); set {TUNABLES}={TUNABLE} \
          yourself, or use --hugepages none"

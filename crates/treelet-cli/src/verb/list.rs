@@ -2,18 +2,21 @@
 
 use clap::Args;
 use serde::Serialize;
+use treelet::Quality;
 use treelet::build::Info;
 
 use crate::ending::{Ending, Failure};
 use crate::session::{Outcome, Session, say};
 
-/// List builders, layouts, importers and verbs
+/// List builders, optimisers, quality levels, layouts, importers and verbs
 #[derive(Debug, Args)]
 pub(crate) struct Flags {}
 
 #[derive(Serialize)]
 struct Report {
     builders: Vec<Entry>,
+    optimizers: Vec<Entry>,
+    qualities: Vec<Level>,
     layouts: Vec<Entry>,
     importers: Vec<Importer>,
     verbs: Vec<Verb>,
@@ -24,6 +27,13 @@ struct Entry {
     name: &'static str,
     summary: &'static str,
     source: &'static str,
+}
+
+#[derive(Serialize)]
+struct Level {
+    name: &'static str,
+    summary: &'static str,
+    plan: String,
 }
 
 #[derive(Serialize)]
@@ -52,9 +62,16 @@ pub(crate) fn run(_: Flags, _: &Session) -> Result<Outcome, Failure> {
         let extensions = info.extensions.to_vec();
         Importer { name: info.name, extensions, summary: info.summary }
     };
+    let level = |quality: &Quality| Level {
+        name: quality.name(),
+        summary: quality.summary(),
+        plan: quality.plan().to_string(),
+    };
     let verb = |(name, summary)| Verb { name, summary };
     let report = Report {
         builders: treelet::build::ALL.iter().map(|builder| builder.info().into()).collect(),
+        optimizers: treelet::optimize::ALL.iter().map(|each| each.info().into()).collect(),
+        qualities: Quality::ALL.iter().map(level).collect(),
         layouts: treelet::layout::ALL.iter().map(|&info| info.into()).collect(),
         importers: treelet_import::ALL.iter().map(importer).collect(),
         verbs: super::summaries().into_iter().map(verb).collect(),
@@ -69,6 +86,12 @@ fn tell(report: &Report) {
         |entry: &Entry| say(&format!("  {:16} {} ({})", entry.name, entry.summary, entry.source));
     say("builders");
     report.builders.iter().for_each(entry);
+    say("optimisers");
+    report.optimizers.iter().for_each(entry);
+    say("quality levels");
+    for level in &report.qualities {
+        say(&format!("  {:16} {}: {}", level.name, level.summary, level.plan));
+    }
     say("layouts");
     report.layouts.iter().for_each(entry);
     say("importers");

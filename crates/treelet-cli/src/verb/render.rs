@@ -11,12 +11,12 @@ use treelet::BuildOptions;
 use treelet_model::{Camera, PlacedModel};
 use treelet_render::{Film, RenderError, Renderer, Settings, ToneMap};
 
-use crate::arguments::builder_names;
 use crate::camera::{self, CameraWords};
 use crate::ending::{Ending, Failure};
 use crate::input::{self, Input, InvalidFlag, SceneFlags};
 use crate::output::Output;
 use crate::progress::Line;
+use crate::tree_flags::TreeFlags;
 use crate::session::{Outcome, Session, say};
 use crate::text;
 
@@ -56,9 +56,8 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "N", default_value_t = Settings::default().max_bounces)]
     bounces: u32,
 
-    /// What makes the tree; `treelet list` tells more.
-    #[arg(long, value_name = "NAME", value_parser = builder_names())]
-    builder: Option<String>,
+    #[command(flatten)]
+    tree: TreeFlags,
 
     /// Where the camera stands, what it looks at, and the degrees from the top to the bottom edge:
     /// from=x,y,z at=x,y,z fov=40 [default: the scene's first camera, or one that sees it all].
@@ -106,7 +105,9 @@ struct Report {
     /// Whether fireflies were kept and caustics left hard.
     exact: bool,
     threads: usize,
+    quality: &'static str,
     builder: &'static str,
+    plan: String,
     triangles_stored: u64,
     triangles_placed: u64,
     placements: u64,
@@ -189,15 +190,15 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
 
     // Read the scene and build its tree.
     let input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
-    let mut options = BuildOptions { invalid: flags.invalid.into(), ..Default::default() };
-    if let Some(builder) = flags.builder.as_deref().and_then(treelet::build::by_name) {
-        options.builder = builder;
-    }
+    let optimizers = flags.tree.optimizers();
+    let options = flags.tree.options(optimizers.as_deref());
+    let options = BuildOptions { invalid: flags.invalid.into(), ..options };
+    let plan = options.plan();
     let building = Instant::now();
     let placed = input.build(&options, session)?;
     let build_time = building.elapsed();
     input::warn_of_skipped(&placed);
-    say(&format!("{} tree built in {}", options.builder.info().name, text::time(build_time)));
+    say(&format!("{plan} tree built in {}", text::time(build_time)));
 
     // Make passes until the goal or Ctrl-C.
     let camera = choose_camera(&flags, &input, &placed)?;
@@ -236,7 +237,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         exposure: flags.exposure,
         exact: flags.exact,
         threads: session.threads,
-        builder: options.builder.info().name,
+        quality: plan.quality.name(),
+        builder: plan.builder.info().name,
+        plan: plan.to_string(),
         triangles_stored: input.model.triangles_stored(),
         triangles_placed: input.model.triangles_placed(),
         placements: input.model.placements.len() as u64,

@@ -12,11 +12,17 @@ fn list_shows_the_catalogues() {
     };
     let builders: Vec<_> = treelet::build::ALL.iter().map(|b| b.info().name).collect();
     assert_eq!(names("builders"), builders);
+    let optimizers: Vec<_> = treelet::optimize::ALL.iter().map(|o| o.info().name).collect();
+    assert_eq!(names("optimizers"), optimizers);
+    assert_eq!(names("qualities"), treelet::Quality::ALL.map(treelet::Quality::name));
+    for level in json["qualities"].as_array().unwrap() {
+        assert_ne!(level["plan"], "", "{level}");
+    }
     let layouts: Vec<_> = treelet::layout::ALL.iter().map(|info| info.name).collect();
     assert_eq!(names("layouts"), layouts);
     let importers: Vec<_> = treelet_import::ALL.iter().map(|i| i.info().name).collect();
     assert_eq!(names("importers"), importers);
-    assert_eq!(names("verbs"), ["render", "inspect", "verify", "list"]);
+    assert_eq!(names("verbs"), ["render", "inspect", "verify", "bench", "list"]);
     for verb in json["verbs"].as_array().unwrap() {
         assert_ne!(verb["summary"], "", "{verb}");
     }

@@ -44,6 +44,15 @@ impl Aabb {
         out
     }
 
+    /// What lies in both; [`Aabb::EMPTY`] if nothing does.
+    #[must_use]
+    pub fn intersection(&self, other: &Self) -> Self {
+        let lo = core::array::from_fn(|axis| self.lo[axis].max(other.lo[axis]));
+        let hi = core::array::from_fn(|axis| self.hi[axis].min(other.hi[axis]));
+        let both = Self { lo, hi };
+        if both.is_empty() { Self::EMPTY } else { both }
+    }
+
     /// Whether `other` lies inside, faces included. An empty box lies inside every box.
     pub fn contains(&self, other: &Self) -> bool {
         other.is_empty()

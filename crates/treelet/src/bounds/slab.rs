@@ -12,12 +12,13 @@
 //! the maximum or minimum of three such bounds; wide nodes make the same steps, a child a lane. The traversal's promise that no tree shape changes
 //! an answer rests on this property and on nothing else; see `geometry::triangle`.
 //!
-//! Zero directions: the reciprocal is infinite, a plane gives an infinite `t` on the right side, or
-//! `0 * inf = NaN` exactly on the plane. The comparisons below let NaN leave the interval as it is,
-//! so a ray inside a face plane enters the box; monotone too, since the next larger box gives
-//! an unbounded slab there.
+//! Zero directions: the reciprocal of a component that is zero, or so short that f32 has none, is
+//! taken as the largest f32. Products are then finite or infinite, never NaN, and the ray is in
+//! such a slab for `|t| <= 2^128 slack` at least: longer than any hit of a valid ray takes, whose
+//! direction is at least `2^-100` long where slack is `2^-20` of the reach.
 
 use super::Aabb;
+use crate::simd::{Floats, Four, Scalar, Simd};
 
 /// The part of a ray, as a closed interval of `t`, that lies in a volume. Empty if
 /// `entry > exit`.
@@ -67,35 +68,81 @@ impl Interval {
 /// by it, and the other way round for the upper planes: whichever of the two the ray meets first.
 #[derive(Clone, Copy, Debug)]
 pub struct SlabRay {
-    /// By axis: what the planes met first are measured from.
-    pub(crate) near: [f32; 3],
-    /// By axis: what the planes met last are measured from.
-    pub(crate) far: [f32; 3],
-    /// By axis: `1 / direction`.
-    pub(crate) reciprocal: [f32; 3],
-    /// By axis: 1 if the ray meets the upper plane first, else 0.
-    pub(crate) backward: [u8; 3],
+    /// What lower planes are measured from, then what upper planes are; the last lane is unused.
+    sides: [[f32; 4]; 2],
+    /// `1 / direction`, and an unused lane.
+    reciprocal: [f32; 4],
+    /// Bit `axis`: whether the ray meets the upper plane first.
+    backward: u32,
 }
 
 impl SlabRay {
     /// Prepares `origin + t * direction` for boxes that count as wider by at least `slack >= 0`
     /// on every side.
-    #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
-        let mut ray =
-            Self { near: [0.0; 3], far: [0.0; 3], reciprocal: [0.0; 3], backward: [0; 3] };
-        for axis in 0..3 {
-            // The sums below round by half an ulp of the origin; this much more makes that outward,
-            // even for a slack below the origin's own precision.
-            let by = (slack + origin[axis].abs() * f32::EPSILON) * WIDER + f32::MIN_POSITIVE;
-            let (above, below) = (origin[axis] + by, origin[axis] - by);
-            let backward = direction[axis].is_sign_negative();
-            ray.near[axis] = if backward { below } else { above };
-            ray.far[axis] = if backward { above } else { below };
-            ray.reciprocal[axis] = 1.0 / direction[axis];
-            ray.backward[axis] = u8::from(backward);
+        let lanes = |[x, y, z]: [f32; 3]| Floats::load(Scalar, &[x, y, z, z]);
+        let slack = Floats::splat(Scalar, slack);
+        Self::of_lanes(Scalar, lanes(origin), lanes(direction), slack)
+    }
+
+    /// The same of vectors; `slack` in every lane.
+    #[inline(always)]
+    pub(crate) fn of_lanes<S: Simd>(
+        simd: S,
+        origin: S::F4,
+        direction: S::F4,
+        slack: S::F4,
+    ) -> Self {
+        let splat = |x: f32| S::F4::splat(simd, x);
+        // The sums below round by half an ulp of the origin; this much more makes that outward,
+        // even for a slack below the origin's own precision.
+        let ulp = origin.abs().mul(splat(WIDER * f32::EPSILON));
+        let by = slack.mul(splat(WIDER)).add(splat(f32::MIN_POSITIVE)).add(ulp);
+        let reciprocal = splat(1.0).div(direction);
+        let reciprocal = splat(f32::MAX).min(splat(f32::MIN).max(reciprocal));
+        Self {
+            sides: [origin.add(by).lanes(), origin.sub(by).lanes()],
+            reciprocal: reciprocal.lanes(),
+            backward: direction.signs(),
         }
-        ray
+    }
+
+    /// The ray whose parts are these, by axis: what planes that are met first and last are measured
+    /// from, reciprocals, and 1 where the upper plane is met first.
+    #[inline(always)]
+    pub(crate) fn of_parts(
+        near: [f32; 3],
+        far: [f32; 3],
+        reciprocal: [f32; 3],
+        backward: [u8; 3],
+    ) -> Self {
+        let mut sides = [[0.0; 4]; 2];
+        for axis in 0..3 {
+            let first = usize::from(backward[axis] & 1);
+            sides[first][axis] = near[axis];
+            sides[first ^ 1][axis] = far[axis];
+        }
+        let [x, y, z] = backward.map(u32::from);
+        let reciprocal = [reciprocal[0], reciprocal[1], reciprocal[2], 0.0];
+        Self { sides, reciprocal, backward: x | y << 1 | z << 2 }
+    }
+
+    /// By axis: 1 if the ray meets the upper plane first, else 0.
+    #[inline(always)]
+    pub(crate) fn backward(&self, axis: usize) -> usize {
+        (self.backward >> axis & 1) as usize
+    }
+
+    /// What the lower (0) or the upper (1) plane of an axis is measured from.
+    #[inline(always)]
+    pub(crate) fn side(&self, side: usize, axis: usize) -> f32 {
+        self.sides[side][axis]
+    }
+
+    /// What the difference of a plane and its side is multiplied with.
+    #[inline(always)]
+    pub(crate) fn reciprocal(&self, axis: usize) -> f32 {
+        self.reciprocal[axis]
     }
 
     /// Where the ray is in the widened box.
@@ -104,11 +151,9 @@ impl SlabRay {
         let mut inside = Interval::ALL;
         for axis in 0..3 {
             let planes = [bounds.lo[axis], bounds.hi[axis]];
-            let first = planes[usize::from(self.backward[axis] & 1)];
-            let last = planes[usize::from(self.backward[axis] & 1 ^ 1)];
-            let entry = (first - self.near[axis]) * self.reciprocal[axis];
-            let exit = (last - self.far[axis]) * self.reciprocal[axis];
-            // Comparisons that are false for NaN keep what there is: see the module's head.
+            let t = |side: usize| (planes[side] - self.sides[side][axis]) * self.reciprocal[axis];
+            let backward = self.backward(axis);
+            let (entry, exit) = (t(backward), t(backward ^ 1));
             inside.entry = if entry > inside.entry { entry } else { inside.entry };
             inside.exit = if exit < inside.exit { exit } else { inside.exit };
         }

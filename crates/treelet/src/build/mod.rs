@@ -3,9 +3,18 @@
 //! A builder sees boxes, never triangles. Whatever it does, answers to rays do not change: only
 //! their price does. Named builders give the same tree for any number of threads.
 
+mod bins;
+mod bottom_up;
+pub mod clip;
+mod curve_leaves;
+mod curve_order;
+mod groups;
+mod lanes;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod top_down;
+
+pub use clip::Clip;
 
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context};
@@ -34,6 +43,22 @@ pub trait Builder: Sync {
     ///
     /// An option out of range, too many primitives, cancellation, memory.
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError>;
+
+    /// The same for primitives that can be cut. A builder that cuts may put a primitive into several
+    /// leaves, whose boxes then contain a part of it each, and all of it together; all others do
+    /// not look at `clip`.
+    ///
+    /// # Errors
+    ///
+    /// As [`Builder::build`].
+    fn build_clipped(
+        &self,
+        bounds: &[Aabb],
+        _clip: &dyn Clip,
+        context: &Context<'_>,
+    ) -> Result<Tree, BuildError> {
+        self.build(bounds, context)
+    }
 }
 
 /// Why there is no tree.
@@ -77,6 +102,9 @@ catalogue! {
     object_median::ObjectMedian,
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
+    lbvh::Lbvh,
+    hploc::Hploc,
+    split_sah::SplitSah,
 }
 
 /// The builder of that name, with its default options.
@@ -93,7 +121,7 @@ fn check_leaf_max(leaf_max: u32) -> Result<(), BuildError> {
 }
 
 /// Checks an option against what is allowed; NaN is not.
-fn check_option(
+pub(crate) fn check_option(
     option: &'static str,
     value: f64,
     range: core::ops::RangeInclusive<f64>,

@@ -8,7 +8,7 @@
 //! O(n log n) time; 12 bytes a primitive in place, 16 more for the sort. Ties of the sort go to the
 //! lower primitive, ties of the cost to the lower axis and the earlier cut.
 
-use super::radix_sort::{self, Keyed, ordered_bits};
+use super::radix_sort::{self, ordered_bits};
 use super::top_down::{self, Cut, Extent, Range, Splitter};
 use super::{BuildError, Builder, Info, check_leaf_max, check_option};
 use crate::bounds::Aabb;
@@ -64,27 +64,30 @@ type Ranked = [u32; 3];
 fn sort_on_three_axes(bounds: &[Aabb], context: &Context<'_>) -> Result<Vec<Ranked>, BuildError> {
     let stage = Stage::new(context, "sort", 3);
     let sorted = parallel::map(alloc::vec![0, 1, 2], |axis| {
-        let mut keyed = memory::try_with_capacity::<Keyed>(bounds.len(), "sort keys")?;
-        let key = |bounds: &Aabb| ordered_bits(bounds.center()[axis]);
+        // The key in the upper half of an entry, the primitive in the lower one.
+        let mut keyed = memory::try_with_capacity(bounds.len(), "sort keys")?;
+        let mut spare = memory::try_with_capacity(bounds.len(), "sorting")?;
+        let key = |bounds: &Aabb| u64::from(ordered_bits(bounds.center()[axis])) << 32;
         for chunk in bounds.chunks(CHECK_EVERY) {
             stage.check()?;
-            let first = keyed.len() as u32;
-            keyed.extend(chunk.iter().zip(first..).map(|(bounds, prim)| (key(bounds), prim)));
+            let first = keyed.len() as u64;
+            keyed.extend(chunk.iter().zip(first..).map(|(bounds, prim)| key(bounds) | prim));
+            spare.resize(keyed.len(), 0);
         }
-        let keyed = radix_sort::sort(keyed, &stage)?;
+        radix_sort::sort(&mut keyed, &mut spare, 32..64, &stage)?;
         stage.advance(1);
         Ok(keyed)
     });
     let mut lists = Vec::with_capacity(3);
     for list in sorted {
-        let list: Result<Vec<Keyed>, BuildError> = list;
+        let list: Result<Vec<u64>, BuildError> = list;
         lists.push(list?);
     }
     let mut slots = memory::try_with_capacity(bounds.len(), "sorted lists")?;
     for first in (0..bounds.len()).step_by(CHECK_EVERY) {
         context.cancel.check()?;
         let end = bounds.len().min(first + CHECK_EVERY);
-        slots.extend((first..end).map(|at| [lists[0][at].1, lists[1][at].1, lists[2][at].1]));
+        slots.extend((first..end).map(|at| [0, 1, 2].map(|axis| lists[axis][at] as u32)));
     }
     Ok(slots)
 }

@@ -2,6 +2,7 @@
 
 pub(crate) mod block;
 pub(crate) mod bundle;
+pub mod clip;
 pub mod hit;
 pub mod mesh;
 pub mod triangle;

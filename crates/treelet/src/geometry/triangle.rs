@@ -18,7 +18,7 @@
 //! size to the sheared area, and `t` of a ray inside a thin beam then falls behind the origin: with
 //! f32 for areas above 2^-12 of the squared size, one ray in 200,000 left a beam 2500 times longer
 //! than thick, 700 roundings below its face. Convex weights good to f64 keep the point within the
-//! `6 u R` of the derivation below, however thin the triangle.
+//! `7 u R` of the derivation below, however thin the triangle.
 //!
 //! # The culling lemma
 //!
@@ -33,17 +33,16 @@
 //! functions accept: that would be a leak. With `u = 2^-24` and `R` the largest distance, per axis,
 //! between the origin and a corner of the scene's box:
 //!
-//! - moving to the origin costs `u R`, the shear (one rounded quotient, a product, a difference)
-//!   at most `5 u R` more: each sheared corner is within `6 u R` of where it should be;
-//! - so a ray that is inside the sheared triangle passes within `6 u R` of the true one, at the
+//! - moving to the origin costs `u R`, the shear (a rounded reciprocal and product, a product, a
+//!   difference) at most `6 u R` more: each sheared corner is within `7 u R` of where it should be;
+//! - so a ray that is inside the sheared triangle passes within `7 u R` of the true one, at the
 //!   depth of a point of it;
 //! - the slab test measures a plane within `3 u R`.
 //!
-//! `9 u R` is enough; `SLACK` takes 16. Levels with instances add what transforming the ray costs:
+//! `10 u R` is enough; `SLACK` takes 16. Levels with instances add what transforming the ray costs:
 //! see `trace::slack`. `tests/watertight.rs` attacks all of it.
 
 use crate::bounds::{Aabb, Interval, SlabRay};
-use crate::math::vec3;
 
 /// Half a unit in the last place of 1: the largest relative error of one f32 rounding.
 pub(crate) const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
@@ -58,7 +57,7 @@ pub struct TriangleRay {
     pub(super) axes: [u8; 3],
     /// The origin's coordinates on those axes.
     pub(super) origin: [f32; 3],
-    /// What x and y change along z: `direction[x] / direction[z]`, `direction[y] / direction[z]`.
+    /// What x and y change along z: `direction[x] (1 / direction[z])`, and of y.
     pub(super) shear: [f32; 2],
     /// `1 / direction[z]`.
     pub(super) reciprocal_z: f64,
@@ -96,27 +95,35 @@ impl EdgeRule for Closed {
     }
 }
 
-/// The axis after each, and the one after that.
-pub(crate) const NEXT: [u8; 4] = [1, 2, 0, 1];
+/// The two axes after each; one more to spare a check.
+pub(crate) const NEXT: [[u8; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
 
 /// A corner after the shear: the ray is the z axis.
 type Sheared = [f32; 3];
 
+/// The axis along which the direction is longest.
+#[inline(always)]
+pub(crate) fn longest_axis(direction: [f32; 3]) -> usize {
+    let [x, y, z] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+    let z_longest = (z >= x) & (z > y);
+    if z_longest { 2 } else { usize::from(x < y) }
+}
+
 impl TriangleRay {
     /// Prepares a ray whose direction is finite and not zero.
-    #[inline]
+    #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let [dx, dy, dz] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
-        let z = vec3::largest_axis([dx, dy, dz]) as u8;
-        let (x, y) = (NEXT[usize::from(z)], NEXT[usize::from(z) + 1]);
-        let axes = [x, y, z];
-        let pick = |from: &[f32; 3], axis: u8| from[usize::from(axis).min(2)];
-        let d = pick(&direction, z);
+        let z = longest_axis(direction);
+        let [x, y] = NEXT[z & 3];
+        let [x, y] = [usize::from(x & 3), usize::from(y & 3)];
+        let origin = [origin[0], origin[1], origin[2], 0.0];
+        let direction = [direction[0], direction[1], direction[2], 0.0];
+        let reciprocal = 1.0 / direction[z];
         Self {
-            axes,
-            origin: [pick(&origin, x), pick(&origin, y), pick(&origin, z)],
-            shear: [pick(&direction, x) / d, pick(&direction, y) / d],
-            reciprocal_z: 1.0 / f64::from(d),
+            axes: [x as u8, y as u8, z as u8],
+            origin: [origin[x], origin[y], origin[z]],
+            shear: [direction[x] * reciprocal, direction[y] * reciprocal],
+            reciprocal_z: 1.0 / f64::from(direction[z]),
         }
     }
 

@@ -119,6 +119,8 @@ const FIRST_MASK: u32 = (1 << COUNT_SHIFT) - 1;
 impl Child {
     /// Where a walk leaves a level; never a child.
     pub(crate) const END: Self = Self(u32::MAX);
+    /// Where a walk has to look further; never a child.
+    pub(crate) const NONE: Self = Self(u32::MAX - 1);
 
     /// Another node.
     pub(crate) const fn inner(node: u32) -> Self {

@@ -6,6 +6,7 @@
 pub mod affine;
 #[cfg(feature = "glam")]
 mod glam;
+pub mod morton;
 pub mod ray;
 pub mod rounding;
 pub mod vec3;

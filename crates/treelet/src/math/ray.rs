@@ -23,6 +23,15 @@ pub struct Ray {
     pub mask: u32,
 }
 
+/// The least length of the longest component of a direction.
+///
+/// Components from 2^-128 down count as zero in the slab test. At 2^-28 of the longest component
+/// that moves no point by more than `u R / 16` (`geometry::triangle` has the terms); at 2^-8 rays
+/// leaked.
+pub(crate) const SHORTEST: f32 = f32::from_bits(27 << 23);
+/// The greatest: beyond, the reciprocal of the longest component is no normal f32.
+pub(crate) const LONGEST: f32 = f32::from_bits(247 << 23);
+
 impl Ray {
     /// The ray from `origin` along `direction`, for `t` from 0 to infinity, seen by every mask.
     pub const fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
@@ -45,24 +54,20 @@ impl Ray {
     }
 
     /// Whether the ray can hit anything at all; one that cannot is answered as a miss.
-    #[inline]
+    #[inline(always)]
     pub fn is_valid(&self) -> bool {
-        /// Components from 2^-128 down have an infinite reciprocal, so the slab test takes them for
-        /// zero. At 2^-28 of the longest component that moves no point by more than `u R / 16`
-        /// (`geometry::triangle` has the terms); at 2^-8 rays leaked.
-        const SHORTEST: f32 = f32::from_bits(27 << 23);
-        /// Beyond, the reciprocal of the longest component is no normal f32.
-        const LONGEST: f32 = f32::from_bits(247 << 23);
-        let [x, y, z] = self.direction.map(f32::abs);
-        // Comparisons with NaN are false, so the checks are written to ask for what is good.
-        let longest = x.max(y).max(z);
-        // `f32::max` drops NaN; the sum does not, and it overflows only beyond LONGEST.
-        let sum = x + y + z;
-        let [a, b, c] = self.origin.map(f32::abs);
-        (a < f32::INFINITY && b < f32::INFINITY && c < f32::INFINITY)
-            && (SHORTEST..=LONGEST).contains(&longest)
-            && sum < f32::INFINITY
-            && self.t_min <= self.t_max
+        let [x, y, z] = [self.direction[0], self.direction[1], self.direction[2]];
+        let [x, y, z] = [x.abs(), y.abs(), z.abs()];
+        let [a, b, c] = [self.origin[0].abs(), self.origin[1].abs(), self.origin[2].abs()];
+        // Comparisons with NaN are false, so all ask for what is good; `&` since no branch pays.
+        (x <= LONGEST)
+            & (y <= LONGEST)
+            & (z <= LONGEST)
+            & ((x >= SHORTEST) | (y >= SHORTEST) | (z >= SHORTEST))
+            & (a < f32::INFINITY)
+            & (b < f32::INFINITY)
+            & (c < f32::INFINITY)
+            & (self.t_min <= self.t_max)
     }
 }
 

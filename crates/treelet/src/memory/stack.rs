@@ -40,42 +40,70 @@ impl<'a, T: Copy, const N: usize> Stack<'a, T, N> {
         Self { room, len: 0 }
     }
 
-    /// Puts `item` on top.
+    /// Whether there may be no room for `W` more near entries.
     #[inline(always)]
-    pub(crate) fn push(&mut self, item: T) {
-        if self.len >= N {
-            self.len = spill(self.room, self.len);
-        }
-        self.room.near[self.len % N] = MaybeUninit::new(item);
-        self.len += 1;
+    pub(crate) fn is_tight<const W: usize>(&self) -> bool {
+        const { assert!(2 * W <= N) }
+        self.len > N - W
     }
 
-    /// Puts the first `count` of `items` on top, the last of them uppermost. All are copied, which
-    /// is one store where `count` of them would be a loop.
+    /// Puts `item` on top. For loops that must stay free of calls: where `is_tight` was not asked
+    /// before, and says yes, the entry is lost.
+    #[inline(always)]
+    pub(crate) fn push_near(&mut self, item: T) {
+        debug_assert!(self.len < N);
+        if let Some(place) = self.room.near.get_mut(self.len) {
+            *place = MaybeUninit::new(item);
+            self.len += 1;
+        }
+    }
+
+    /// Puts the first `count` of `items` on top, the last of them uppermost; as `push_near`, for
+    /// `W` entries. All are copied, which is one store where `count` of them would be a loop.
     #[inline(always)]
     pub(crate) fn push_first<const W: usize>(&mut self, items: [T; W], count: usize) {
-        const { assert!(2 * W <= N) }
-        debug_assert!(count <= W);
-        if self.len > N - W {
-            self.len = spill(self.room, self.len);
+        debug_assert!(!self.is_tight::<W>() && count <= W);
+        if self.is_tight::<W>() {
+            return;
         }
-        // SAFETY: `len <= N - W`, now if not before (`spill` leaves at most half, and 2 W <= N), so
-        // `W` entries from `len` on are inside `near`; any bits may be written there.
+        // SAFETY: `len <= N - W`, so `W` entries from `len` on are inside `near`; any bits may be
+        // written there.
         unsafe {
             self.room.near.as_mut_ptr().add(self.len).cast::<[T; W]>().write_unaligned(items);
         }
         self.len += if count < W { count } else { W };
     }
 
+    /// Puts `item` on top.
+    #[inline(always)]
+    pub(crate) fn push(&mut self, item: T) {
+        self.make_room::<1>();
+        self.push_near(item);
+    }
+
+    /// Sees to it that the stack is not tight.
+    #[inline(always)]
+    pub(crate) fn make_room<const W: usize>(&mut self) {
+        if self.is_tight::<W>() {
+            self.len = spill(self.room, self.len);
+        }
+    }
+
+    /// Takes what is on top of the near entries.
+    #[inline(always)]
+    pub(crate) fn pop_near(&mut self) -> Option<T> {
+        self.len = self.len.checked_sub(1)?;
+        // SAFETY: entries below the old `len` are initialised, and `len <= N`.
+        Some(unsafe { self.room.near.get_unchecked(self.len).assume_init() })
+    }
+
     /// Takes what is on top.
     #[inline(always)]
     pub(crate) fn pop(&mut self) -> Option<T> {
-        if self.len == 0 {
-            return self.room.far.pop();
+        match self.pop_near() {
+            None => self.room.far.pop(),
+            item => item,
         }
-        self.len -= 1;
-        // SAFETY: entries below the old `len` are initialised, and `len <= N`.
-        Some(unsafe { self.room.near.get_unchecked(self.len).assume_init() })
     }
 }
 
@@ -114,6 +142,7 @@ mod tests {
                 }
                 1 if growing => {
                     let count = (state >> 20) as usize % 5;
+                    stack.make_room::<4>();
                     stack.push_first([round, round + 1, round + 2, round + 3], count);
                     model.extend((round..).take(count));
                 }

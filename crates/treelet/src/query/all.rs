@@ -2,6 +2,7 @@
 
 use super::ask_simply;
 use crate::geometry::Hit;
+use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
@@ -14,7 +15,7 @@ struct All<'a> {
 }
 
 impl<'a> Visitor<'a> for All<'_> {
-    const NEAREST_FIRST: bool = false;
+    type Pending = Child;
 
     fn t_max(&self) -> f32 {
         self.t_max
@@ -29,8 +30,20 @@ impl<'a> Visitor<'a> for All<'_> {
 /// Appends the hits of the ray to `hits`, ordered by `(t, inst, geom, prim)`.
 pub(crate) fn all(structure: &Structure, ray: &Ray, hits: &mut Vec<Hit>) {
     let start = hits.len();
-    if ray.is_valid() {
-        ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
-    }
+    ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
     hits[start..].sort_unstable_by(Hit::cmp_along_ray);
+    drop_repeated(hits, start);
+}
+
+/// Keeps one of each run of equals from `start` on: what lies in several leaves is met in each of
+/// them, with the same bits.
+fn drop_repeated(hits: &mut Vec<Hit>, start: usize) {
+    let mut kept = start;
+    for at in start..hits.len() {
+        if kept == start || hits[kept - 1].id() != hits[at].id() {
+            hits[kept] = hits[at];
+            kept += 1;
+        }
+    }
+    hits.truncate(kept);
 }

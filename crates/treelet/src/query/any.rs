@@ -1,6 +1,7 @@
 //! Whether there is a hit at all.
 
 use super::{ask, ask_simply};
+use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::Counters;
 use crate::trace::stream::Answers;
@@ -14,7 +15,7 @@ pub(crate) struct Any {
 }
 
 impl<'a> Visitor<'a> for Any {
-    const NEAREST_FIRST: bool = false;
+    type Pending = Child;
 
     #[inline(always)]
     fn t_max(&self) -> f32 {
@@ -32,18 +33,14 @@ impl<'a> Visitor<'a> for Any {
 #[inline]
 pub(crate) fn any(structure: &Structure, ray: &Ray) -> bool {
     let mut visitor = Any { t_max: ray.t_max, found: false };
-    if ray.is_valid() {
-        ask(structure, ray, &mut visitor);
-    }
+    ask(structure, ray, &mut visitor);
     visitor.found
 }
 
 /// The answer, and the work it took.
 pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> bool {
     let mut visitor = Any { t_max: ray.t_max, found: false };
-    if ray.is_valid() {
-        ask_simply(structure, ray, &mut visitor, counters);
-    }
+    ask_simply(structure, ray, &mut visitor, counters);
     visitor.found
 }
 
@@ -54,6 +51,8 @@ pub(crate) struct Many<'h> {
 
 impl<'a> Answers<'a> for Many<'_> {
     type Visitor = Any;
+
+    const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
     fn visitor(&self, _: usize, t_max: f32) -> Any {

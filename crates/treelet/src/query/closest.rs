@@ -6,7 +6,7 @@ use crate::math::Ray;
 use crate::trace::Counters;
 use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{Found, Visitor};
+use crate::trace::walk::{ByEntry, Found, Visitor};
 use core::ops::ControlFlow;
 
 /// The answer so far: a miss at the ray's end.
@@ -16,7 +16,7 @@ pub(crate) struct Closest<'a> {
 }
 
 impl<'a> Visitor<'a> for Closest<'a> {
-    const NEAREST_FIRST: bool = true;
+    type Pending = ByEntry;
 
     #[inline(always)]
     fn t_max(&self) -> f32 {
@@ -38,9 +38,6 @@ impl<'a> Visitor<'a> for Closest<'a> {
 /// The answer.
 #[inline]
 pub(crate) fn closest(structure: &Structure, ray: &Ray) -> Option<Hit> {
-    if !ray.is_valid() {
-        return None;
-    }
     let mut visitor = Closest { t: ray.t_max, best: None };
     ask(structure, ray, &mut visitor);
     visitor.best.map(Hit::from)
@@ -48,9 +45,6 @@ pub(crate) fn closest(structure: &Structure, ray: &Ray) -> Option<Hit> {
 
 /// The answer, and the work it took.
 pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> Option<Hit> {
-    if !ray.is_valid() {
-        return None;
-    }
     let mut visitor = Closest { t: ray.t_max, best: None };
     ask_simply(structure, ray, &mut visitor, counters);
     visitor.best.map(Hit::from)
@@ -63,6 +57,8 @@ pub(crate) struct Many<'h> {
 
 impl<'a> Answers<'a> for Many<'_> {
     type Visitor = Closest<'a>;
+
+    const NEAREST_FIRST: bool = true;
 
     #[inline(always)]
     fn visitor(&self, _: usize, t_max: f32) -> Closest<'a> {

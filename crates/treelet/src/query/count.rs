@@ -1,9 +1,11 @@
 //! How many hits there are along the ray.
 
 use super::ask_simply;
+use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
+use alloc::vec::Vec;
 use core::ops::ControlFlow;
 
 struct Counting {
@@ -12,14 +14,14 @@ struct Counting {
 }
 
 impl<'a> Visitor<'a> for Counting {
-    const NEAREST_FIRST: bool = false;
+    type Pending = Child;
 
     fn t_max(&self) -> f32 {
         self.t_max
     }
 
     fn hit(&mut self, _: Found<'a>) -> ControlFlow<()> {
-        // Leaves share no primitive, so each is offered once.
+        // Leaves share no primitive here, so each is offered once.
         self.hits += 1;
         ControlFlow::Continue(())
     }
@@ -27,9 +29,13 @@ impl<'a> Visitor<'a> for Counting {
 
 /// The number of hits that [`super::all::all`] would list.
 pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
-    let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
-    if ray.is_valid() {
-        ask_simply(structure, ray, &mut visitor, &mut ());
+    // Where a primitive may lie in several leaves, only a list tells which were counted before.
+    if structure.repeats {
+        let mut hits = Vec::new();
+        super::all::all(structure, ray, &mut hits);
+        return hits.len() as u64;
     }
+    let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
+    ask_simply(structure, ray, &mut visitor, &mut ());
     visitor.hits
 }

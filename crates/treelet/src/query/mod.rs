@@ -12,7 +12,7 @@ use crate::trace::counters::Count;
 use crate::trace::structure::{Layout, Structure};
 use crate::trace::walk::{Visitor, walk};
 
-/// Shows `visitor` the hits of a valid ray, with the structure's own instructions.
+/// Shows `visitor` the hits of a ray, none if it is not valid, with the structure's own instructions.
 #[inline]
 fn ask<'a, V: Visitor<'a>>(structure: &'a Structure, ray: &Ray, visitor: &mut V) {
     ask_at(structure.level, structure, ray, visitor, &mut ());

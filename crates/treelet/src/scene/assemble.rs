@@ -1,24 +1,20 @@
-//! From meshes and instances to a level that can be walked: check, box, build, lower, pack.
+//! From meshes and instances to a level that can be walked: gather, build, lower.
 
-use super::builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
+use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
+use super::gather::{Prims, add_triangles};
 use super::place::{Placements, place_instances};
-use super::report::{BuildReport, Skipped};
+use super::quality::Cuttable;
+use super::report::BuildReport;
 use super::{Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
-use crate::context::{Cancelled, parallel};
-use crate::geometry::mesh::{Defect, Mesh};
-use crate::geometry::triangle;
+use crate::geometry::Mesh;
 use crate::layout::lower::{Packed, lower};
-use crate::memory;
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
-use crate::tree::{Kind, PRIMS_MAX, Tree};
+use crate::tree::{Kind, Tree};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
-
-/// Triangles are checked, boxed and packed this many at a time.
-const CHUNK: usize = 16_384;
 
 /// The most boxes that stand for a level when it is transformed.
 const COVER_MAX: usize = 32;
@@ -29,11 +25,12 @@ pub(super) fn assemble(
     options: &BuildOptions<'_>,
 ) -> Result<Scene, SceneError> {
     let total = Stopwatch::start();
-    let mut report = BuildReport { builder: options.builder.info().name, ..Default::default() };
+    let plan = options.plan();
+    let mut report = BuildReport { plan: plan.to_string(), ..Default::default() };
+    report.builder = plan.builder.info().name;
 
     // Check and box what the leaves will hold: triangles first, then instances.
-    let mut prims =
-        Prims { meshes: Aabb::EMPTY, bounds: Vec::new(), names: Vec::new(), instances: Vec::new() };
+    let mut prims = Prims::default();
     for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
         add_triangles(geom, mesh, options, &mut prims, &mut report)?;
     }
@@ -49,7 +46,8 @@ pub(super) fn assemble(
 
     // Build the tree and pack it.
     let tree_time = Stopwatch::start();
-    let tree = options.builder.build(&prims.bounds, &options.context)?;
+    let cut = Cuttable { meshes: &description.meshes, names: &prims.names, bounds: &prims.bounds };
+    let tree = plan.build(&prims.bounds, &cut, &options.context)?;
     report.tree_time = tree_time.elapsed();
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
@@ -58,90 +56,6 @@ pub(super) fn assemble(
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();
     Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
-}
-
-/// What the tree is built over.
-struct Prims {
-    /// Around all triangles.
-    meshes: Aabb,
-    bounds: Vec<Aabb>,
-    /// `(geom, prim)` of the triangles.
-    names: Vec<(u32, u32)>,
-    /// Indices of the instances, whose boxes come after those of the triangles.
-    instances: Vec<u32>,
-}
-
-/// What checking a chunk of triangles found.
-#[derive(Default)]
-struct Checked {
-    bounds: Vec<Aabb>,
-    prims: Vec<u32>,
-    degenerate: u64,
-    skipped: Skipped,
-}
-
-fn add_triangles(
-    geom: usize,
-    mesh: &Mesh,
-    options: &BuildOptions<'_>,
-    prims: &mut Prims,
-    report: &mut BuildReport,
-) -> Result<(), SceneError> {
-    let count = mesh.triangles().len();
-    let all = prims.names.len() + count;
-    if all > PRIMS_MAX {
-        return Err(BuildError::TooManyPrims { prims: all as u64 }.into());
-    }
-    memory::try_reserve(&mut prims.bounds, count, "primitive boxes")?;
-    memory::try_reserve(&mut prims.names, count, "primitive names")?;
-    let chunks = parallel::map_chunks(mesh.triangles(), CHUNK, |first, triangles| {
-        options.context.cancel.check()?;
-        Ok(check(geom, mesh, first..first + triangles.len()))
-    });
-    for chunk in chunks {
-        let chunk: Result<Checked, Cancelled> = chunk;
-        let chunk = chunk?;
-        if let (Invalid::Error, Some((geom, prim, defect))) =
-            (options.invalid, chunk.skipped.first_triangle)
-        {
-            return Err(SceneError::Triangle { geom, prim, defect });
-        }
-        prims.meshes = chunk.bounds.iter().fold(prims.meshes, |all, bounds| all.union(bounds));
-        prims.bounds.extend(chunk.bounds);
-        prims.names.extend(chunk.prims.into_iter().map(|prim| (geom as u32, prim)));
-        report.degenerate += chunk.degenerate;
-        let skipped = &mut report.skipped;
-        skipped.triangles += chunk.skipped.triangles;
-        skipped.index_out_of_range += chunk.skipped.index_out_of_range;
-        skipped.bad_vertex += chunk.skipped.bad_vertex;
-        skipped.first_triangle = skipped.first_triangle.or(chunk.skipped.first_triangle);
-    }
-    Ok(())
-}
-
-fn check(geom: usize, mesh: &Mesh, range: core::ops::Range<usize>) -> Checked {
-    let mut out = Checked::default();
-    for prim in range {
-        match mesh.defect(prim) {
-            None => {
-                // Without a defect the corners exist.
-                let Some(corners) = mesh.corners(prim) else { continue };
-                out.degenerate += u64::from(triangle::is_degenerate(&corners));
-                out.bounds.push(Aabb::of_points(&corners));
-                out.prims.push(prim as u32);
-            }
-            Some(defect) => {
-                out.skipped.triangles += 1;
-                match defect {
-                    Defect::IndexOutOfRange { .. } => out.skipped.index_out_of_range += 1,
-                    Defect::BadVertex { .. } => out.skipped.bad_vertex += 1,
-                }
-                let first = &mut out.skipped.first_triangle;
-                *first = first.or(Some((geom, prim, defect)));
-            }
-        }
-    }
-    out
 }
 
 /// Lowers the tree and derives what walks need to know about the level.
@@ -190,7 +104,10 @@ fn finish(
     }
     let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
 
+    let repeats = tree.prims.len() > prims.bounds.len()
+        || instances.iter().any(|instance| instance.structure.repeats);
     Ok(Structure {
+        repeats,
         level,
         unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
         geometries,
@@ -201,6 +118,7 @@ fn finish(
         leaf_instances,
         cover: cover(tree),
         reach,
+        reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
         slack,
         paths,
     })

@@ -1,11 +1,12 @@
 //! Describing a scene and building it.
 
 use super::assemble;
-use super::{Scene, SceneError};
-use crate::build::{BinnedSah, Builder};
+use super::{Plan, Quality, Scene, SceneError};
+use crate::build::Builder;
 use crate::context::Context;
 use crate::geometry::Mesh;
 use crate::math::Affine;
+use crate::optimize::Optimizer;
 use crate::simd::Level;
 use crate::trace::structure::Structure;
 use alloc::sync::Arc;
@@ -48,8 +49,14 @@ impl LayoutChoice {
 /// How a scene is built.
 #[derive(Clone)]
 pub struct BuildOptions<'a> {
-    /// Makes the tree: one of [`crate::build::ALL`], or one with other options.
-    pub builder: &'a dyn Builder,
+    /// How much time to spend on a tree that is traced faster. Answers do not change.
+    pub quality: Quality,
+    /// Makes the tree instead of the quality's own builder: one of [`crate::build::ALL`], or one
+    /// with other options. No optimiser runs after it but those asked for here.
+    pub builder: Option<&'a dyn Builder>,
+    /// Improve the tree instead of the quality's own optimisers, one after the other: of
+    /// [`crate::optimize::ALL`], or with other options.
+    pub optimizers: Option<&'a [&'a dyn Optimizer]>,
     /// What to do with input that cannot be used.
     pub invalid: Invalid,
     /// The instructions that walk the scene; the best that this processor has by default. All give
@@ -62,10 +69,19 @@ pub struct BuildOptions<'a> {
     pub context: Context<'a>,
 }
 
+impl<'a> BuildOptions<'a> {
+    /// What the options come to.
+    pub fn plan(&self) -> Plan<'a> {
+        Plan::new(self)
+    }
+}
+
 impl Default for BuildOptions<'_> {
     fn default() -> Self {
         Self {
-            builder: &BinnedSah::DEFAULT,
+            quality: Quality::default(),
+            builder: None,
+            optimizers: None,
             invalid: Invalid::default(),
             level: Level::best(),
             layout: None,

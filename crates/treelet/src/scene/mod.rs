@@ -3,12 +3,15 @@
 mod assemble;
 mod builder;
 mod error;
+mod gather;
 mod place;
+mod quality;
 mod report;
 mod slices;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use error::{InstanceDefect, SceneError, WrongLength};
+pub use quality::{Plan, Quality};
 pub use report::{BuildReport, Skipped};
 pub use slices::HitLists;
 

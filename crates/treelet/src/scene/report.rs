@@ -3,6 +3,7 @@
 use super::error::InstanceDefect;
 use crate::geometry::Defect;
 use crate::tree::TreeStats;
+use alloc::string::String;
 use core::time::Duration;
 
 /// What building one scene found and made, the scenes inside its instances not included.
@@ -10,6 +11,8 @@ use core::time::Duration;
 pub struct BuildReport {
     /// Which builder made the tree.
     pub builder: &'static str,
+    /// All that made the tree, in order, as in `split-sah + reinsertion`.
+    pub plan: String,
     /// Triangles in the tree.
     pub triangles: u64,
     /// Of these, triangles without area: kept, and never hit where they are seen as a line.

@@ -3,7 +3,7 @@
 //! FMA is not enabled: nothing here may fuse, and the compiler never fuses by itself.
 
 use super::two::Two;
-use super::{Doubles, Floats, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where AVX2 does.
@@ -16,6 +16,13 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx2(()))
 }
 
+/// The same, never inlined.
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn call<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Avx2(()))
+}
+
 impl Simd for Avx2 {
     type F4 = F4;
     type F8 = F8;
@@ -23,10 +30,19 @@ impl Simd for Avx2 {
     type D4 = D4;
 
     #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
     fn prefetch<T>(self, address: *const T) {
         // SAFETY: a hint; any address will do.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
+
+    const WIDE_DOUBLES: bool = true;
+    const COMPRESSES: bool = false;
 
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
@@ -114,6 +130,35 @@ impl Floats<4> for F4 {
     }
 }
 
+impl Four for F4 {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe {
+            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
+            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
+        })
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        // SAFETY: as above.
+        unsafe { _mm_movemask_ps(self.0) as u32 }
+    }
+}
+
 impl Floats<8> for F8 {
     memory! { 8 Avx2 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }
 
@@ -146,12 +191,6 @@ impl Doubles for D4 {
     fn splat(_: Avx2, x: f64) -> Self {
         // SAFETY: the token shows that the processor has the instruction.
         Self(unsafe { _mm256_set1_pd(x) })
-    }
-
-    #[inline(always)]
-    fn load(_: Avx2, lanes: &[f64; 4]) -> Self {
-        // SAFETY: the token shows that the processor has the instruction; 32 bytes are readable.
-        Self(unsafe { _mm256_loadu_pd(lanes.as_ptr()) })
     }
 
     #[inline(always)]

@@ -18,6 +18,7 @@
 mod avx2;
 #[cfg(target_arch = "x86_64")]
 mod avx512;
+pub(crate) mod f4;
 mod level;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
@@ -26,6 +27,7 @@ mod two;
 
 pub use level::Level;
 pub(crate) use level::{Checked, Kernel};
+pub(crate) use scalar::Scalar;
 
 /// `N` lanes of f32.
 pub(crate) trait Floats<const N: usize>: Copy {
@@ -61,6 +63,18 @@ pub(crate) trait Floats<const N: usize>: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
+/// What is done with four lanes only: where a ray's coordinates are.
+pub(crate) trait Four: Floats<4> {
+    /// The first three lanes, the third of them twice: no stray value in a lane that nobody reads.
+    fn xyzz(self) -> Self;
+    /// Absolute values.
+    fn abs(self) -> Self;
+    /// The largest lane, in every lane; none may be NaN.
+    fn max_lane(self) -> Self;
+    /// Bit `i` is the sign of lane `i`.
+    fn signs(self) -> u32;
+}
+
 /// Four lanes of f64.
 pub(crate) trait Doubles: Copy {
     /// What shows that the instructions may be used.
@@ -70,8 +84,6 @@ pub(crate) trait Doubles: Copy {
 
     /// `x` in every lane.
     fn splat(token: Self::Token, x: f64) -> Self;
-    /// The lanes in order.
-    fn load(token: Self::Token, lanes: &[f64; 4]) -> Self;
     /// Exact.
     fn widen(narrow: Self::Narrow) -> Self;
     /// Rounded to the nearest f32, ties to even.
@@ -97,7 +109,7 @@ pub(crate) trait Doubles: Copy {
 /// An instruction set, as a token that shows that this processor has it.
 pub(crate) trait Simd: Copy {
     /// 4 lanes of f32.
-    type F4: Floats<4, Token = Self>;
+    type F4: Four<Token = Self>;
     /// 8 lanes of f32.
     type F8: Floats<8, Token = Self>;
     /// 16 lanes of f32.
@@ -105,8 +117,18 @@ pub(crate) trait Simd: Copy {
     /// 4 lanes of f64.
     type D4: Doubles<Token = Self, Narrow = Self::F4>;
 
+    /// Whether four f64 are one vector.
+    const WIDE_DOUBLES: bool;
+
+    /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
+    /// that loop its registers.
+    fn call<K: Kernel>(self, kernel: K) -> K::Output;
+
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);
+
+    /// Whether `compress` is an instruction.
+    const COMPRESSES: bool;
 
     /// The items whose bits are set in `mask`, in order, then others.
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];

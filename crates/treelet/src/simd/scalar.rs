@@ -1,7 +1,7 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
@@ -13,8 +13,16 @@ impl Simd for Scalar {
     type F16 = Two<Two<Lanes>>;
     type D4 = DoubleLanes;
 
+    #[inline(never)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        kernel.run(self)
+    }
+
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}
+
+    const WIDE_DOUBLES: bool = false;
+    const COMPRESSES: bool = false;
 
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
@@ -92,6 +100,34 @@ impl Floats<4> for Lanes {
     compare! { le <=; lt <; }
 }
 
+impl Four for Lanes {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        let [x, y, z, _] = self.0;
+        Self([x, y, z, z])
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        let [x, y, z, w] = self.0;
+        Self([x.abs(), y.abs(), z.abs(), w.abs()])
+    }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        let [x, y, z, w] = self.0;
+        let xy = if x > y { x } else { y };
+        let zw = if z > w { z } else { w };
+        Self([if xy > zw { xy } else { zw }; 4])
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        let bit = |i: usize| self.0[i].to_bits() >> 31 << i;
+        bit(0) | bit(1) | bit(2) | bit(3)
+    }
+}
+
 impl Doubles for DoubleLanes {
     type Token = Scalar;
     type Narrow = Lanes;
@@ -99,11 +135,6 @@ impl Doubles for DoubleLanes {
     #[inline(always)]
     fn splat(_: Scalar, x: f64) -> Self {
         Self([x; 4])
-    }
-
-    #[inline(always)]
-    fn load(_: Scalar, lanes: &[f64; 4]) -> Self {
-        Self(*lanes)
     }
 
     #[inline(always)]

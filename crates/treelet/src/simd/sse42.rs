@@ -1,7 +1,7 @@
 //! SSE4.2: x86-64 processors since 2009. Vectors of 4 f32 or 2 f64.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where SSE4.2 does.
@@ -14,6 +14,13 @@ pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Sse42(()))
 }
 
+/// The same, never inlined.
+#[target_feature(enable = "sse4.2,popcnt")]
+#[inline(never)]
+fn call<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Sse42(()))
+}
+
 impl Simd for Sse42 {
     type F4 = F4;
     type F8 = Two<F4>;
@@ -21,10 +28,19 @@ impl Simd for Sse42 {
     type D4 = Two<D2>;
 
     #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
     fn prefetch<T>(self, address: *const T) {
         // SAFETY: a hint; any address will do.
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
+
+    const WIDE_DOUBLES: bool = false;
+    const COMPRESSES: bool = false;
 
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
@@ -99,6 +115,35 @@ impl Floats<4> for F4 {
     compare! { le _mm_cmple_ps _mm_movemask_ps lt _mm_cmplt_ps _mm_movemask_ps }
 }
 
+impl Four for F4 {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
+    }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe {
+            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
+            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
+        })
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        // SAFETY: as above.
+        unsafe { _mm_movemask_ps(self.0) as u32 }
+    }
+}
+
 impl TwoDoubles for D2 {
     type Token = Sse42;
     type Narrow = F4;
@@ -107,12 +152,6 @@ impl TwoDoubles for D2 {
     fn splat(_: Sse42, x: f64) -> Self {
         // SAFETY: the token shows that the processor has the instruction.
         Self(unsafe { _mm_set1_pd(x) })
-    }
-
-    #[inline(always)]
-    fn load(_: Sse42, lanes: &[f64; 2]) -> Self {
-        // SAFETY: the token shows that the processor has the instruction; 16 bytes are readable.
-        Self(unsafe { _mm_loadu_pd(lanes.as_ptr()) })
     }
 
     #[inline(always)]

@@ -74,8 +74,6 @@ fn doubles<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
         let all =
             [a.add(b).mul(third), a.sub(b.mul(third)), a.mul(b), a.div(b), a.min(b), a.max(b)];
         bits.extend(all.iter().flat_map(|v| v.narrow().lanes()).map(narrow_bits));
-        let loaded = S::D4::load(simd, &[0.1, -0.0, f64::from(ODD[shift]), f64::INFINITY]);
-        bits.extend(loaded.add(a).narrow().lanes().map(narrow_bits));
         bits.push(u64::from(a.lt(b)));
     }
 }

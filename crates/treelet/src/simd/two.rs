@@ -77,7 +77,6 @@ pub(crate) trait TwoDoubles: Copy {
     type Token: Copy;
     type Narrow: Floats<4, Token = Self::Token>;
     fn splat(token: Self::Token, x: f64) -> Self;
-    fn load(token: Self::Token, lanes: &[f64; 2]) -> Self;
     fn widen(narrow: Self::Narrow) -> [Self; 2];
     fn narrow(halves: [Self; 2]) -> Self::Narrow;
     fn add(self, other: Self) -> Self;
@@ -96,11 +95,6 @@ impl<V: TwoDoubles> Doubles for Two<V> {
     #[inline(always)]
     fn splat(token: V::Token, x: f64) -> Self {
         Self(V::splat(token, x), V::splat(token, x))
-    }
-
-    #[inline(always)]
-    fn load(token: V::Token, &[a, b, c, d]: &[f64; 4]) -> Self {
-        Self(V::load(token, &[a, b]), V::load(token, &[c, d]))
     }
 
     #[inline(always)]

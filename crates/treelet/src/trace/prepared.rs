@@ -3,7 +3,8 @@
 use super::structure::Structure;
 use crate::bounds::{Interval, SlabRay};
 use crate::geometry::TriangleRay;
-use crate::math::{Affine, Ray};
+use crate::math::{Affine, Ray, ray};
+use crate::simd::{Floats, Four, Simd};
 
 /// Everything about a ray that does not change while it stays on a level.
 #[derive(Clone, Copy, Debug)]
@@ -17,42 +18,58 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
-    /// The ray on the outermost level.
+    /// The ray on the outermost level; `None` if it is not valid.
     #[inline(always)]
-    pub(crate) fn new(ray: &Ray, structure: &Structure) -> Self {
-        Self::on_level(ray.origin, ray.direction, Interval::ALL, structure)
+    pub(crate) fn new<S: Simd>(simd: S, ray: &Ray, structure: &Structure) -> Option<Self> {
+        let ordered = ray.t_min <= ray.t_max;
+        let prepared = Self::on_level(simd, ray.origin, ray.direction, Interval::ALL, structure)?;
+        ordered.then_some(prepared)
     }
 
     /// The ray as the inside of an instance sees it, with the same `t`.
     ///
     /// `None` if its direction leaves the range in which rays are answered (see [`Ray::is_valid`]).
     #[inline(always)]
-    pub(crate) fn enter(
+    pub(crate) fn enter<S: Simd>(
         &self,
+        simd: S,
         object_from_world: &Affine,
         clip: Interval,
         structure: &Structure,
     ) -> Option<Self> {
         let origin = object_from_world.point(self.origin);
         let direction = object_from_world.vector(self.direction);
-        let valid = Ray::new(origin, direction).is_valid();
-        valid.then(|| Self::on_level(origin, direction, clip, structure))
+        Self::on_level(simd, origin, direction, clip, structure)
     }
 
+    /// Asks what [`Ray::is_valid`] asks of origin and direction, and prepares.
     #[inline(always)]
-    fn on_level(
+    fn on_level<S: Simd>(
+        simd: S,
         origin: [f32; 3],
         direction: [f32; 3],
         clip: Interval,
         structure: &Structure,
-    ) -> Self {
-        let slack = structure.slack.at(origin, &structure.reach);
-        Self {
+    ) -> Option<Self> {
+        let splat = |x: f32| S::F4::splat(simd, x);
+        let o = S::F4::load(simd, &[origin[0], origin[1], origin[2], 0.0]).xyzz();
+        let d = S::F4::load(simd, &[direction[0], direction[1], direction[2], 0.0]).xyzz();
+        let valid = (o.abs().lt(splat(f32::INFINITY)) == 0xF)
+            & (d.abs().le(splat(ray::LONGEST)) == 0xF)
+            & (splat(ray::SHORTEST).le(d.abs()) != 0);
+        if !valid {
+            return None;
+        }
+        let [lo, hi] = &structure.reach_lanes;
+        let to_lo = S::F4::load(simd, lo).sub(o).abs();
+        let to_hi = S::F4::load(simd, hi).sub(o).abs();
+        let slack = structure.slack.at(simd, to_lo.max(to_hi).max_lane());
+        Some(Self {
             origin,
             direction,
-            slab: SlabRay::new(origin, direction, slack),
+            slab: SlabRay::of_lanes(simd, o, d, slack),
             triangle: TriangleRay::new(origin, direction),
             clip,
-        }
+        })
     }
 }

@@ -8,9 +8,9 @@ use super::prepared::Prepared;
 use super::slack::Slack;
 use super::structure::Structure;
 use crate::bounds::{Aabb, Interval, SlabRay, slab};
-use crate::geometry::triangle::{NEXT, SLACK, TriangleRay, UNIT_ROUNDOFF};
-use crate::math::{Ray, vec3};
-use crate::simd::{Floats, Simd};
+use crate::geometry::triangle::{NEXT, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
+use crate::math::Ray;
+use crate::simd::{Floats, Scalar, Simd};
 
 /// Rays that are prepared, and that triangles are tested against, at once.
 pub(crate) const RAYS: usize = 16;
@@ -27,8 +27,7 @@ impl Class {
     #[inline(always)]
     pub(crate) fn of(ray: &Ray) -> Self {
         let sign = |axis: usize| (ray.direction[axis].to_bits() >> 31) as u8;
-        let [x, y, z] = ray.direction;
-        let longest = vec3::largest_axis([x.abs(), y.abs(), z.abs()]) as u8;
+        let longest = longest_axis(ray.direction) as u8;
         Self(sign(0) | sign(1) << 1 | sign(2) << 2 | longest << 3)
     }
 
@@ -48,8 +47,8 @@ impl Class {
     #[inline(always)]
     pub(crate) fn axes(self) -> [u8; 3] {
         let z = self.0 >> 3;
-        let at = usize::from(z % 3);
-        [NEXT[at], NEXT[at + 1], z]
+        let [x, y] = NEXT[usize::from(z & 3)];
+        [x, y, z]
     }
 }
 
@@ -92,12 +91,12 @@ pub(crate) fn prepared(record: &Record, rest: &Rest, class: Class, ray: &Ray) ->
     Prepared {
         origin: ray.origin,
         direction: ray.direction,
-        slab: SlabRay {
-            near: record.triple(NEAR),
-            far: record.triple(FAR),
-            reciprocal: record.triple(RECIPROCAL),
-            backward: class.backward(),
-        },
+        slab: SlabRay::of_parts(
+            record.triple(NEAR),
+            record.triple(FAR),
+            record.triple(RECIPROCAL),
+            class.backward(),
+        ),
         triangle: TriangleRay::of_parts(class.axes(), record.triple(ORIGIN), shear, rest.along),
         clip: Interval::ALL,
     }
@@ -129,24 +128,26 @@ pub(crate) fn records<S: Simd>(
 
     // Widen.
     let splat = |x: f32| S::F16::splat(simd, x);
+    let distance = distance(simd, &origin, &structure.reach);
     let slack = if structure.slack.is_of_triangles() {
-        let distance = distance(simd, &origin, &structure.reach);
-        splat(UNIT_ROUNDOFF * SLACK).mul(distance)
+        distance.mul(splat(UNIT_ROUNDOFF * SLACK))
     } else {
-        S::F16::load(simd, &slacks(&rows, &structure.slack, &structure.reach))
+        S::F16::load(simd, &slacks(&distance.lanes(), &structure.slack))
     };
 
     // Prepare for boxes.
     let mut words = [[0.0; 16]; 16];
     let backward = class.backward();
     for axis in 0..3 {
-        let margin = abs(simd, origin[axis]).mul(splat(f32::EPSILON));
-        let by = slack.add(margin).mul(splat(slab::WIDER)).add(splat(f32::MIN_POSITIVE));
+        let ulp = abs(simd, origin[axis]).mul(splat(slab::WIDER * f32::EPSILON));
+        let by = slack.mul(splat(slab::WIDER)).add(splat(f32::MIN_POSITIVE)).add(ulp);
         let (above, below) = (origin[axis].add(by), origin[axis].sub(by));
         let (near, far) = if backward[axis] == 1 { (below, above) } else { (above, below) };
+        let reciprocal = splat(1.0).div(direction[axis]);
+        let reciprocal = splat(f32::MAX).min(splat(f32::MIN).max(reciprocal));
         words[NEAR + axis] = near.lanes();
         words[FAR + axis] = far.lanes();
-        words[RECIPROCAL + axis] = splat(1.0).div(direction[axis]).lanes();
+        words[RECIPROCAL + axis] = reciprocal.lanes();
     }
     words[T_MIN] = columns[6];
     words[T_MAX] = columns[7];
@@ -156,8 +157,9 @@ pub(crate) fn records<S: Simd>(
     words[ORIGIN] = origin[x].lanes();
     words[ORIGIN + 1] = origin[y].lanes();
     words[ORIGIN + 2] = origin[z].lanes();
-    words[SHEAR] = direction[x].div(direction[z]).lanes();
-    words[SHEAR + 1] = direction[y].div(direction[z]).lanes();
+    let reciprocal = splat(1.0).div(direction[z]);
+    words[SHEAR] = direction[x].mul(reciprocal).lanes();
+    words[SHEAR + 1] = direction[y].mul(reciprocal).lanes();
 
     transpose(simd, &words, &mut columns);
     for lane in 0..RAYS {
@@ -196,6 +198,7 @@ fn abs<S: Simd>(simd: S, x: S::F16) -> S::F16 {
 /// `Slack::at` for levels with instances.
 #[cold]
 #[inline(never)]
-fn slacks(rows: &[[f32; 16]; RAYS], slack: &Slack, reach: &Aabb) -> [f32; RAYS] {
-    core::array::from_fn(|lane| slack.at([rows[lane][0], rows[lane][1], rows[lane][2]], reach))
+fn slacks(distances: &[f32; RAYS], slack: &Slack) -> [f32; RAYS] {
+    let slack = |distance: f32| slack.at(Scalar, Floats::splat(Scalar, distance)).lanes()[0];
+    distances.map(slack)
 }

@@ -37,6 +37,7 @@
 use crate::bounds::Aabb;
 use crate::geometry::triangle::{SLACK, UNIT_ROUNDOFF};
 use crate::math::{Affine, vec3};
+use crate::simd::{Floats, Simd};
 
 /// Rays from within this many times the longest edge of a level's box are near.
 const NEAR_REACHES: f64 = 4.0;
@@ -121,19 +122,23 @@ impl Slack {
             + self.far_share * (reach - self.near.reach).max(0.0)
     }
 
-    /// The widening of the level's boxes for rays from `origin`. The few roundings here are far
-    /// below the margin that the derivation leaves (16 taken where 9 are needed).
+    /// The widening of the level's boxes for rays that start `distance` from the farthest corner of
+    /// its reach, largest component; both in every lane. The few roundings here are far below the
+    /// margin that the derivation leaves (16 taken where 10 are needed).
     #[inline(always)]
-    pub(crate) fn at(&self, origin: [f32; 3], reach: &Aabb) -> f32 {
-        let to_lo = vec3::max_abs(vec3::sub(reach.lo, origin));
-        let to_hi = vec3::max_abs(vec3::sub(reach.hi, origin));
-        let distance = to_lo.max(to_hi);
-        let near = UNIT_ROUNDOFF * SLACK * distance;
-        let beyond = f64::from(distance) - self.near.reach;
-        if self.far_share == 0.0 || beyond <= 0.0 {
+    pub(crate) fn at<S: Simd>(&self, simd: S, distance: S::F4) -> S::F4 {
+        let near = distance.mul(S::F4::splat(simd, UNIT_ROUNDOFF * SLACK));
+        if self.far_share == 0.0 {
             return near;
         }
-        near + crate::math::rounding::up(f64::from(UNIT_ROUNDOFF) * self.far_share * beyond)
+        near.add(S::F4::splat(simd, self.beyond(distance.lanes()[0])))
+    }
+
+    /// What rays from far away need on top.
+    #[cold]
+    fn beyond(&self, distance: f32) -> f32 {
+        let beyond = (f64::from(distance) - self.near.reach).max(0.0);
+        crate::math::rounding::up(f64::from(UNIT_ROUNDOFF) * self.far_share * beyond)
     }
 }
 

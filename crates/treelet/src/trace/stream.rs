@@ -19,7 +19,7 @@ use super::record::{
 use super::structure::{Get, Layout, Structure};
 use super::walk::{Found, Visitor, walk_from};
 use crate::bounds::{Aabb, Interval};
-use crate::geometry::block;
+use crate::geometry::block::{self, Block};
 use crate::geometry::bundle::Bundle;
 use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Node, Wide as WideTree};
 use crate::math::Ray;
@@ -31,6 +31,9 @@ use alloc::vec::Vec;
 pub(crate) trait Answers<'a> {
     /// Sees the hits of one ray in one part of the tree.
     type Visitor: Visitor<'a>;
+
+    /// Whether finding near hits early saves work. If not, large boxes come first.
+    const NEAREST_FIRST: bool;
 
     /// For the ray in `slot`, which wants hits up to `t_max`.
     fn visitor(&self, slot: usize, t_max: f32) -> Self::Visitor;
@@ -143,7 +146,7 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
             ChildKind::Inner { node } if list.len > FEW && !full => {
                 let Some(node) = wide.nodes.get(node) else { return };
                 let (met, entry) = test(simd, node, backward, list, room);
-                if A::Visitor::NEAREST_FIRST {
+                if A::NEAREST_FIRST {
                     let key = match order {
                         Order::Entry => entry,
                         Order::Corner => corners(simd, node, class),
@@ -165,7 +168,7 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
             _ => {
                 for i in 0..list.len {
                     let id = room.ids[list.start + i] as usize;
-                    one::<A, W>(structure, class, rays, list.child, id, answers, room);
+                    one::<S, A, W>(simd, structure, class, rays, list.child, id, answers, room);
                 }
             }
         }
@@ -174,7 +177,8 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
 
 /// Sends one ray on alone.
 #[inline(always)]
-fn one<'a, A, const W: usize>(
+fn one<'a, S, A, const W: usize>(
+    simd: S,
     structure: &'a Structure,
     class: Class,
     rays: &[Ray],
@@ -183,6 +187,7 @@ fn one<'a, A, const W: usize>(
     answers: &mut A,
     room: &mut Room,
 ) where
+    S: Simd,
     A: Answers<'a>,
     for<'x, 'y> Tail<'a, 'x, 'y, A::Visitor, W>: Kernel<Output = ()>,
 {
@@ -193,15 +198,7 @@ fn one<'a, A, const W: usize>(
     let slot = rest.slot as usize;
     let ray = &rays[slot];
     let mut visitor = answers.visitor(slot, record.0[T_MAX]);
-    structure.level.run(Tail::<_, W> {
-        structure,
-        record,
-        rest,
-        class,
-        ray,
-        child,
-        visitor: &mut visitor,
-    });
+    simd.call(Tail::<_, W> { structure, record, rest, class, ray, child, visitor: &mut visitor });
     record.0[T_MAX] = answers.settle(slot, record.0[T_MAX], visitor);
 }
 
@@ -469,8 +466,9 @@ fn leaf_of_one<'a, S: Simd, A: Answers<'a>>(
     let slot = rest.slot as usize;
     let ray = prepared(record, rest, class, &rays[slot]);
     let range = Interval { entry: record.0[T_MIN], exit: record.0[T_MAX] };
-    let (triangle, slab, clip) = (&ray.triangle, &ray.slab, &Interval::ALL);
-    let hits = block::hit(simd, leaf.rows, leaf.count, triangle, slab, clip, &range);
+    let (slab, clip) = (&ray.slab, &Interval::ALL);
+    let Leaf { rows, count, .. } = leaf;
+    let hits = simd.call(Block { rows, count, ray: &ray.triangle, slab, clip, range });
     let mut mask = hits.mask;
     if mask == 0 {
         return;

@@ -106,7 +106,11 @@ pub(crate) struct Structure {
     pub(crate) cover: Vec<Aabb>,
     /// Contains everything, and the images of the reaches of all instances.
     pub(crate) reach: Aabb,
+    /// The same, as lanes: `x, y, z, z` of both corners.
+    pub(crate) reach_lanes: [[f32; 4]; 2],
     pub(crate) slack: Slack,
+    /// Whether a primitive, here or in an instance, lies in several leaves.
+    pub(crate) repeats: bool,
     /// Instance paths, this level's empty path included.
     pub(crate) paths: u64,
 }

@@ -14,18 +14,18 @@ use super::counters::Count;
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
 use crate::bounds::{Interval, SlabRay};
-use crate::geometry::block;
-use crate::layout::wide::{Child, ChildKind, Node, Wide as WideTree};
+use crate::geometry::block::{self, Block};
+use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
-use crate::simd::{Floats, Wide};
+use crate::simd::{Floats, Kernel, Simd, Wide};
 use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
 pub(crate) trait Visitor<'a> {
-    /// Whether finding near hits early saves work. If not, large boxes come first: they are the
-    /// likeliest to hold any hit.
-    const NEAREST_FIRST: bool;
+    /// What the walk's stack holds: [`ByEntry`] where finding near hits early saves work. With
+    /// [`Child`], large boxes come first: they are the likeliest to hold any hit.
+    type Pending: Pending + Order;
 
     /// The greatest `t` that still matters; hits at this very `t` do.
     fn t_max(&self) -> f32;
@@ -62,16 +62,43 @@ const STACK_NEAR: usize = 128;
 /// Saved levels that need no allocation.
 const FRAMES_NEAR: usize = 2;
 
-/// A child to be visited later, below the distance at which the ray enters it: sorted by distance as
-/// integers are. (Negative distances, which need a negative `t_min`, sort wrongly among each other:
-/// that costs time, never answers.)
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Pending(u64);
+/// A child to be visited later.
+pub(crate) trait Pending: Copy {
+    /// The child, and the bits of the distance at which the ray enters its box.
+    fn new(child: Child, entry: u32) -> Self;
+    /// What to visit.
+    fn child(self) -> Child;
+    /// Whether nothing in it can be at `t_max` or nearer.
+    fn is_beyond(self, t_max: f32) -> bool;
+}
 
-impl Pending {
+/// For walks that stop at any hit: the child alone.
+impl Pending for Child {
     #[inline(always)]
-    fn new(child: u32, entry: u32) -> Self {
-        Self(u64::from(entry) << 32 | u64::from(child))
+    fn new(child: Child, _: u32) -> Self {
+        child
+    }
+
+    #[inline(always)]
+    fn child(self) -> Child {
+        self
+    }
+
+    #[inline(always)]
+    fn is_beyond(self, _: f32) -> bool {
+        false
+    }
+}
+
+/// The child below the distance: sorted by distance as integers are. (Negative distances, which need
+/// a negative `t_min`, sort wrongly among each other: that costs time, never answers.)
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct ByEntry(u64);
+
+impl Pending for ByEntry {
+    #[inline(always)]
+    fn new(child: Child, entry: u32) -> Self {
+        Self(u64::from(entry) << 32 | u64::from(child.0))
     }
 
     #[inline(always)]
@@ -80,8 +107,8 @@ impl Pending {
     }
 
     #[inline(always)]
-    fn entry(self) -> f32 {
-        f32::from_bits((self.0 >> 32) as u32)
+    fn is_beyond(self, t_max: f32) -> bool {
+        f32::from_bits((self.0 >> 32) as u32) > t_max
     }
 }
 
@@ -99,13 +126,13 @@ impl<F> Lanes<F> {
     where
         F: Floats<W, Token = S>,
     {
-        let splat = |[x, y, z]: [f32; 3]| [F::splat(simd, x), F::splat(simd, y), F::splat(simd, z)];
-        let [x, y, z] = ray.backward;
+        let backward = [ray.backward(0), ray.backward(1), ray.backward(2)];
+        let side = |of: usize, axis: usize| ray.side(backward[axis] ^ of, axis);
         Self {
-            near: splat(ray.near),
-            far: splat(ray.far),
-            reciprocal: splat(ray.reciprocal),
-            backward: [usize::from(x), usize::from(y), usize::from(z)],
+            near: splat(simd, [side(0, 0), side(0, 1), side(0, 2)]),
+            far: splat(simd, [side(1, 0), side(1, 1), side(1, 2)]),
+            reciprocal: splat(simd, [ray.reciprocal(0), ray.reciprocal(1), ray.reciprocal(2)]),
+            backward,
         }
     }
 
@@ -117,19 +144,41 @@ impl<F> Lanes<F> {
         S: Wide<W, F = F>,
         F: Floats<W, Token = S>,
     {
-        let (mut entry, mut exit) = (t_min, t_max);
-        for axis in 0..3 {
-            let planes = &node.planes[axis];
-            let first = F::load(simd, &planes[self.backward[axis] & 1]);
-            let last = F::load(simd, &planes[self.backward[axis] & 1 ^ 1]);
-            entry = first.sub(self.near[axis]).mul(self.reciprocal[axis]).max(entry);
-            exit = last.sub(self.far[axis]).mul(self.reciprocal[axis]).min(exit);
-        }
+        let [entry_x, entry_y, entry_z] =
+            [self.entry(simd, node, 0), self.entry(simd, node, 1), self.entry(simd, node, 2)];
+        let [exit_x, exit_y, exit_z] =
+            [self.exit(simd, node, 0), self.exit(simd, node, 1), self.exit(simd, node, 2)];
+        let entry = entry_x.max(entry_y).max(entry_z.max(t_min));
+        let exit = exit_x.min(exit_y).min(exit_z.min(t_max));
         (entry.le(exit), entry)
+    }
+
+    #[inline(always)]
+    fn entry<S: Wide<W, F = F>, const W: usize>(&self, simd: S, node: &Node<W>, axis: usize) -> F
+    where
+        F: Floats<W, Token = S>,
+    {
+        let planes = F::load(simd, &node.planes[axis][self.backward[axis] & 1]);
+        planes.sub(self.near[axis]).mul(self.reciprocal[axis])
+    }
+
+    #[inline(always)]
+    fn exit<S: Wide<W, F = F>, const W: usize>(&self, simd: S, node: &Node<W>, axis: usize) -> F
+    where
+        F: Floats<W, Token = S>,
+    {
+        let planes = F::load(simd, &node.planes[axis][self.backward[axis] & 1 ^ 1]);
+        planes.sub(self.far[axis]).mul(self.reciprocal[axis])
     }
 }
 
-/// Shows the visitor every hit of a valid ray that it could want, in no particular order.
+/// Each in all lanes. (A function, since closures in kernels may end up outside of them.)
+#[inline(always)]
+fn splat<F: Floats<W>, const W: usize>(token: F::Token, [x, y, z]: [f32; 3]) -> [F; 3] {
+    [F::splat(token, x), F::splat(token, y), F::splat(token, z)]
+}
+
+/// Shows the visitor every hit of a ray that it could want, in no particular order.
 #[inline(always)]
 pub(crate) fn walk<'a, S, V, C, const W: usize>(
     simd: S,
@@ -140,11 +189,12 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 ) where
     S: Wide<W>,
     Layout: Get<W>,
+    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
     let Some(wide) = structure.layout.get() else { return };
-    let prepared = Prepared::new(ray, structure);
+    let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
     walk_from(simd, structure, prepared, wide.root, ray, visitor, counters);
 }
 
@@ -161,52 +211,40 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
 ) where
     S: Wide<W>,
     Layout: Get<W>,
+    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
     let Some(wide) = structure.layout.get() else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
-    let mut lanes = Lanes::new(simd, &frame.ray.slab);
-    let t_min = S::F::splat(simd, ray.t_min);
     let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
-    let mut stack = Room::<Pending, STACK_NEAR>::new();
+    let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
     let mut next = start;
     loop {
-        // Go down to a leaf.
-        while next.is_inner() {
-            let Some(node) = frame.wide.nodes.get(next.0 as usize) else { return };
-            counters.node();
-            let t_max = S::F::splat(simd, visitor.t_max());
-            let (mask, entry) = lanes.test(simd, node, t_min, t_max);
-            if C::LISTENS {
-                report(&frame.ray.slab, node, mask, counters);
+        // One level, until the ray leaves it or enters another.
+        loop {
+            if next.is_inner() {
+                let (nodes, slab) = (&*frame.wide.nodes, &frame.ray.slab);
+                let (visitor, stack, t_min) = (&*visitor, &mut stack, ray.t_min);
+                let counters = &mut *counters;
+                let way = Descent { nodes, slab, t_min, visitor, stack, counters, next };
+                next = simd.call(way);
             }
-            let nearest = if V::NEAREST_FIRST {
-                nearest_first(simd, node, mask, entry, &mut stack)
-            } else {
-                largest_first(simd, node, mask, &mut stack)
+            let (first, count) = match next.kind() {
+                ChildKind::Leaf { first, count } => (first, count),
+                ChildKind::Inner { .. } => {
+                    stack.make_room::<W>();
+                    continue;
+                }
             };
-            match nearest.or_else(|| pop(visitor, &mut stack, counters)) {
-                Some(child) => next = child,
-                None => return,
-            }
-        }
-
-        match next.kind() {
-            _ if next == Child::END => {
-                // The end of a level, or of the tree of nothing.
-                let Some(outer) = frames.pop() else { return };
-                frame = outer;
-                lanes = Lanes::new(simd, &frame.ray.slab);
-            }
-            ChildKind::Leaf { first, count } if first < frame.wide.triangles => {
+            if first < frame.wide.triangles {
                 counters.leaf(count);
                 let rows = frame.wide.block(first);
                 let range = Interval { entry: ray.t_min, exit: visitor.t_max() };
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
-                let hits = block::hit(simd, rows, count, triangle, slab, clip, &range);
+                let hits = simd.call(Block { rows, count, ray: triangle, slab, clip, range });
                 let mut mask = hits.mask;
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize % block::LANES;
@@ -222,77 +260,244 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
                         return;
                     }
                 }
+                next = pop(visitor, &mut stack, counters);
+                continue;
             }
-            ChildKind::Leaf { first, count } => {
-                let at = first - frame.wide.triangles;
-                if count > 1 {
-                    counters.leaf(0);
-                    push_instances(&frame, at, count, ray, visitor, &mut stack, counters);
-                } else if let Some(inner) = enter(&frame, at, ray, visitor) {
-                    counters.instance();
-                    stack.push(Pending::new(Child::END.0, f32::NEG_INFINITY.to_bits()));
-                    let root = inner.wide.root;
-                    stack.push(Pending::new(root.0, f32::NEG_INFINITY.to_bits()));
+
+            if next == Child::NONE {
+                let Some(pending) = stack.pop() else { return };
+                next = pending.child();
+                continue;
+            }
+            if next == Child::END {
+                let Some(outer) = frames.pop() else { return };
+                frame = outer;
+                next = pop(visitor, &mut stack, counters);
+                break;
+            }
+            match open_instances(simd, &frame, first, count, ray, visitor, counters) {
+                Opened::Several(instances, count) => {
+                    instances.iter().take(count).for_each(|pending| stack.push(*pending));
+                    next = pop(visitor, &mut stack, counters);
+                }
+                Opened::One(inner) => {
+                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
                     frames.push(frame);
+                    next = inner.wide.root;
                     frame = inner;
-                    lanes = Lanes::new(simd, &frame.ray.slab);
+                    break;
                 }
             }
-            ChildKind::Inner { .. } => {}
-        }
-        match pop(visitor, &mut stack, counters) {
-            Some(child) => next = child,
-            None => return,
         }
     }
 }
 
-/// Stacks the children of the mask so that nearer ones come first; returns the nearest.
-#[inline(always)]
-fn nearest_first<S: Wide<W>, const W: usize>(
+/// The way from a node to the next leaf.
+pub(crate) struct Descent<'d, 's, P, V, C, const W: usize> {
+    nodes: &'d [Node<W>],
+    slab: &'d SlabRay,
+    t_min: f32,
+    visitor: &'d V,
+    stack: &'d mut Stack<'s, P, STACK_NEAR>,
+    counters: &'d mut C,
+    next: Child,
+}
+
+macro_rules! descents {
+    ($($width:literal)*) => {
+        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Descent<'_, '_, V::Pending, V, C, $width> {
+            type Output = Child;
+
+            #[inline(always)]
+            fn run<S: Simd>(self, simd: S) -> Child {
+                let Self { nodes, slab, t_min, visitor, stack, counters, mut next } = self;
+                let lanes = Lanes::<<S as Wide<$width>>::F>::new(simd, slab);
+                let t_min = <S as Wide<$width>>::F::splat(simd, t_min);
+                while next.is_inner() && !stack.is_tight::<$width>() {
+                    let Some(node) = nodes.get(next.0 as usize) else { return Child::NONE };
+                    counters.node();
+                    let t_max = <S as Wide<$width>>::F::splat(simd, visitor.t_max());
+                    let (mask, entry) = lanes.test(simd, node, t_min, t_max);
+                    if C::LISTENS {
+                        report(slab, node, mask, counters);
+                    }
+                    next = if mask == 0 {
+                        pop(visitor, stack, counters)
+                    } else {
+                        V::Pending::spread::<S, $width>(simd, node, mask, entry, stack)
+                    };
+                }
+                next
+            }
+        })*
+    };
+}
+
+descents! { 8 16 }
+
+/// What a leaf of instances makes of the walk.
+enum Opened<'a, P, const W: usize> {
+    /// Leaves of one each, to be stacked.
+    Several([P; LEAF_MAX], usize),
+    /// The level inside.
+    One(Frame<'a, W>),
+}
+
+/// Enters an instance, or makes leaves of one each of a leaf of several.
+#[inline(never)]
+fn open_instances<'a, S: Simd, V: Visitor<'a>, C: Count, const W: usize>(
     simd: S,
-    node: &Node<W>,
-    mask: u32,
-    entry: S::F,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
-) -> Option<Child> {
-    if mask == 0 {
-        return None;
-    }
-    // Most nodes have one child that is met: no sorting, no distances.
-    if mask & (mask - 1) == 0 {
-        return Some(node.children[mask.trailing_zeros() as usize % W]);
-    }
-    let children = simd.compress(mask, &words(&node.children));
-    let entries = simd.compress(mask, &bits(entry.lanes()));
-    let key = |i: usize| Pending::new(children[i % W], entries[i % W]);
-    let (mut nearest, farther) = ordered(key(0), key(1));
-    let count = mask.count_ones() as usize;
-    if count == 2 {
-        stack.push(farther);
-        return Some(nearest.child());
-    }
-    if count == 3 {
-        let (near, far) = ordered(nearest, key(2));
-        let (far, farthest) = ordered(farther, far);
-        stack.push(farthest);
-        stack.push(far);
-        return Some(near.child());
-    }
-    // Rarely more: insertion, the farthest first.
-    let mut sorted = [farther; W];
-    for i in 2..count {
-        let (near, far) = ordered(nearest, key(i));
-        nearest = near;
-        let mut at = i - 1;
-        while at > 0 && sorted[(at - 1) % W] < far {
-            sorted[at % W] = sorted[(at - 1) % W];
-            at -= 1;
+    frame: &Frame<'a, W>,
+    first: usize,
+    count: usize,
+    ray: &Ray,
+    visitor: &V,
+    counters: &mut C,
+) -> Opened<'a, V::Pending, W>
+where
+    Layout: Get<W>,
+{
+    let at = first - frame.wide.triangles;
+    let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
+    let mut len = 0;
+    if count == 1 {
+        if let Some(inner) = enter(simd, frame, at, ray, visitor) {
+            counters.instance();
+            return Opened::One(inner);
         }
-        sorted[at % W] = far;
+        return Opened::Several(several, 0);
     }
-    stack.push_first(sorted, count - 1);
-    Some(nearest.child())
+    counters.leaf(0);
+    for at in at..at + count {
+        let instance = &frame.structure.instances[frame.structure.leaf_instances[at] as usize];
+        if instance.mask & ray.mask == 0 {
+            continue;
+        }
+        let inside = frame.ray.slab.interval(&instance.bounds);
+        if inside.is_empty() {
+            counters.box_culls(1);
+        } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
+            counters.t_culls(1);
+        } else if let Some(place) = several.get_mut(len) {
+            let child = Child::leaf(frame.wide.triangles + at, 1);
+            *place = Pending::new(child, inside.entry.to_bits());
+            len += 1;
+        }
+    }
+    Opened::Several(several, len)
+}
+
+/// How a node's children that are met go on the stack.
+pub(crate) trait Order: Pending {
+    /// Stacks all but one of the children of the mask, which has some; returns that one, to go on
+    /// with.
+    fn spread<S: Wide<W>, const W: usize>(
+        simd: S,
+        node: &Node<W>,
+        mask: u32,
+        entry: S::F,
+        stack: &mut Stack<'_, Self, STACK_NEAR>,
+    ) -> Child;
+}
+
+impl Order for ByEntry {
+    /// The nearest is visited first, the farthest last.
+    #[inline(always)]
+    fn spread<S: Wide<W>, const W: usize>(
+        simd: S,
+        node: &Node<W>,
+        mask: u32,
+        entry: S::F,
+        stack: &mut Stack<'_, Self, STACK_NEAR>,
+    ) -> Child {
+        // Most nodes have one child that is met: no sorting, no distances.
+        if mask & (mask - 1) == 0 {
+            return node.children[mask.trailing_zeros() as usize % W];
+        }
+        let mut met = Met::<W>::new(simd, node, mask, entry.lanes());
+        let (mut nearest, farther) = ordered(met.next(), met.next());
+        let count = mask.count_ones() as usize;
+        if count == 2 {
+            stack.push_near(farther);
+            return nearest.child();
+        }
+        if count == 3 {
+            let (near, far) = ordered(nearest, met.next());
+            let (far, farthest) = ordered(farther, far);
+            stack.push_near(farthest);
+            stack.push_near(far);
+            return near.child();
+        }
+        // Rarely more: insertion, the farthest first.
+        let mut sorted = [farther; W];
+        for i in 2..count {
+            let (near, far) = ordered(nearest, met.next());
+            nearest = near;
+            let mut at = i - 1;
+            while at > 0 && sorted[(at - 1) % W] < far {
+                sorted[at % W] = sorted[(at - 1) % W];
+                at -= 1;
+            }
+            sorted[at % W] = far;
+        }
+        stack.push_first(sorted, count - 1);
+        nearest.child()
+    }
+}
+
+impl Order for Child {
+    /// In the node's order, the largest box uppermost.
+    #[inline(always)]
+    fn spread<S: Wide<W>, const W: usize>(
+        simd: S,
+        node: &Node<W>,
+        mask: u32,
+        _: S::F,
+        stack: &mut Stack<'_, Self, STACK_NEAR>,
+    ) -> Child {
+        let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
+        let mut rest = mask & !(1 << largest);
+        if S::COMPRESSES {
+            let children = simd.compress(rest, &words(&node.children));
+            stack.push_first(children.map(Child), rest.count_ones() as usize);
+        } else {
+            while rest != 0 {
+                stack.push_near(node.children[rest.trailing_zeros() as usize % W]);
+                rest &= rest - 1;
+            }
+        }
+        node.children[largest % W]
+    }
+}
+
+/// The children of a mask, one after the other, with where the ray enters them.
+struct Met<const W: usize> {
+    children: [u32; W],
+    entries: [u32; W],
+    /// Where the instruction set moves them together, a counter; else the bits that are left.
+    left: u32,
+    packed: bool,
+}
+
+impl<const W: usize> Met<W> {
+    #[inline(always)]
+    fn new<S: Simd>(simd: S, node: &Node<W>, mask: u32, entries: [f32; W]) -> Self {
+        let (children, entries) = (words(&node.children), bits(entries));
+        if S::COMPRESSES {
+            let (children, entries) =
+                (simd.compress(mask, &children), simd.compress(mask, &entries));
+            return Self { children, entries, left: 0, packed: true };
+        }
+        Self { children, entries, left: mask, packed: false }
+    }
+
+    /// The next of them, of which there is one.
+    #[inline(always)]
+    fn next(&mut self) -> ByEntry {
+        let at = if self.packed { self.left } else { self.left.trailing_zeros() } as usize % W;
+        self.left = if self.packed { self.left + 1 } else { self.left & self.left.wrapping_sub(1) };
+        ByEntry::new(Child(self.children[at]), self.entries[at])
+    }
 }
 
 /// The children as plain words.
@@ -317,43 +522,21 @@ fn bits<const W: usize>(lanes: [f32; W]) -> [u32; W] {
 
 /// The nearer first.
 #[inline(always)]
-fn ordered(a: Pending, b: Pending) -> (Pending, Pending) {
+fn ordered(a: ByEntry, b: ByEntry) -> (ByEntry, ByEntry) {
     if b < a { (b, a) } else { (a, b) }
 }
 
-/// Stacks the children of the mask in their order, smallest box first; returns the largest.
-#[inline(always)]
-fn largest_first<S: Wide<W>, const W: usize>(
-    simd: S,
-    node: &Node<W>,
-    mask: u32,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
-) -> Option<Child> {
-    if mask == 0 {
-        return None;
-    }
-    let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
-    let mut rest = mask & !(1 << largest);
-    let _ = simd;
-    while rest != 0 {
-        let at = rest.trailing_zeros() as usize;
-        rest &= rest - 1;
-        stack.push(Pending::new(node.children[at % W].0, f32::NEG_INFINITY.to_bits()));
-    }
-    Some(node.children[largest % W])
-}
-
-/// The next child that may still matter; `None` ends the walk.
+/// The next child that may still matter; [`Child::NONE`] if none is near.
 #[inline(always)]
 fn pop<'a, V: Visitor<'a>, C: Count>(
     visitor: &V,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
+    stack: &mut Stack<'_, V::Pending, STACK_NEAR>,
     counters: &mut C,
-) -> Option<Child> {
+) -> Child {
     loop {
-        let pending = stack.pop()?;
-        if !V::NEAREST_FIRST || pending.entry() <= visitor.t_max() {
-            return Some(pending.child());
+        let Some(pending) = stack.pop_near() else { return Child::NONE };
+        if !pending.is_beyond(visitor.t_max()) {
+            return pending.child();
         }
         counters.t_culls(1);
     }
@@ -375,40 +558,9 @@ fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, co
     }
 }
 
-/// Puts the instances of a leaf on the stack: each is entered when it is popped.
-#[cold]
-#[inline(never)]
-fn push_instances<'a, V: Visitor<'a>, C: Count, const W: usize>(
-    frame: &Frame<'a, W>,
-    first: usize,
-    count: usize,
-    ray: &Ray,
-    visitor: &V,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
-    counters: &mut C,
-) {
-    let structure = frame.structure;
-    for at in first..first + count {
-        let instance = &structure.instances[structure.leaf_instances[at] as usize];
-        if instance.mask & ray.mask == 0 {
-            continue;
-        }
-        let inside = frame.ray.slab.interval(&instance.bounds);
-        if inside.is_empty() {
-            counters.box_culls(1);
-        } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
-            counters.t_culls(1);
-        } else {
-            let child = Child::leaf(frame.wide.triangles + at, 1);
-            stack.push(Pending::new(child.0, inside.entry.to_bits()));
-        }
-    }
-}
-
 /// The level inside an instance, if the ray has business there.
-#[cold]
-#[inline(never)]
-fn enter<'a, V: Visitor<'a>, const W: usize>(
+fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
+    simd: S,
     frame: &Frame<'a, W>,
     at: usize,
     ray: &Ray,
@@ -427,7 +579,7 @@ where
         return None;
     }
     let inner = &*instance.structure;
-    let ray = frame.ray.enter(&instance.object_from_world, clip, inner)?;
+    let ray = frame.ray.enter(simd, &instance.object_from_world, clip, inner)?;
     // Building refuses instances of another layout.
     let wide = inner.layout.get()?;
     Some(Frame { structure: inner, wide, ray, inst: frame.inst + instance.rank })

@@ -68,6 +68,12 @@ pub enum TreeError {
         /// The child or the primitive.
         inside: Inside,
     },
+    /// A primitive that was cut reaches farther than the boxes of its leaves.
+    #[error("the leaves of primitive {prim} do not reach as far as it does")]
+    Part {
+        /// The primitive.
+        prim: usize,
+    },
     /// A path is longer than any walk expects.
     #[error("node {node} lies at depth {depth}; the limit is {}", DEPTH_MAX)]
     Depth {
@@ -104,6 +110,38 @@ impl Tree {
         self.check_links()?;
         self.check_lists(bounds.len())?;
         self.check_boxes(bounds)?;
+        self.check_depth()
+    }
+
+    /// [`Tree::validate`] for a tree whose builder cuts primitives: one may lie in several leaves,
+    /// whose boxes then each lie inside its own, or contain it, and reach together as far as it does
+    /// on every side. That they contain every point of it only the geometry can tell.
+    pub fn validate_pieces(&self, bounds: &[Aabb]) -> Result<(), TreeError> {
+        self.check_links()?;
+        self.check_leaves()?;
+        self.check_nesting()?;
+        // What the leaves hold of each primitive, by their boxes.
+        let prims = bounds.len();
+        let mut held = alloc::vec![Aabb::EMPTY; prims];
+        for content in &self.nodes {
+            let Kind::Leaf { first, count } = content.kind() else { continue };
+            for &prim in &self.prims[first..first + count] {
+                let prim = prim as usize;
+                let held =
+                    held.get_mut(prim).ok_or(TreeError::Primitive { prim, prims, times: 1 })?;
+                *held = held.union(&content.bounds.intersection(&bounds[prim]));
+            }
+        }
+        match held.iter().zip(bounds).position(|(held, bounds)| held != bounds) {
+            Some(prim) if held[prim].is_empty() => {
+                Err(TreeError::Primitive { prim, prims, times: 0 })
+            }
+            Some(prim) => Err(TreeError::Part { prim }),
+            None => self.check_depth(),
+        }
+    }
+
+    fn check_depth(&self) -> Result<(), TreeError> {
         let depths = self.depths();
         match depths.iter().position(|&depth| depth >= DEPTH_MAX) {
             Some(node) => Err(TreeError::Depth { node, depth: depths[node] }),
@@ -131,18 +169,7 @@ impl Tree {
     }
 
     fn check_lists(&self, prims: usize) -> Result<(), TreeError> {
-        let mut leaves = alloc::vec![0_usize; self.prims.len()];
-        for (node, content) in self.nodes.iter().enumerate() {
-            if let Kind::Leaf { first, count } = content.kind() {
-                let prims = self.prims.len();
-                let range = leaves.get_mut(first..first + count);
-                let range = range.ok_or(TreeError::Range { node, first, count, prims })?;
-                range.iter_mut().for_each(|leaves| *leaves += 1);
-            }
-        }
-        if let Some(entry) = leaves.iter().position(|&leaves| leaves != 1) {
-            return Err(TreeError::Entry { entry, leaves: leaves[entry] });
-        }
+        self.check_leaves()?;
         let mut times = alloc::vec![0_usize; prims];
         for &prim in &self.prims {
             let prim = prim as usize;
@@ -154,22 +181,42 @@ impl Tree {
         }
     }
 
-    fn check_boxes(&self, bounds: &[Aabb]) -> Result<(), TreeError> {
+    fn check_leaves(&self) -> Result<(), TreeError> {
+        let mut leaves = alloc::vec![0_usize; self.prims.len()];
         for (node, content) in self.nodes.iter().enumerate() {
-            let outside = |inner: &Aabb| !content.bounds.contains(inner);
-            let inside = match content.kind() {
-                Kind::Inner { left } => [left, left + 1]
-                    .into_iter()
-                    .find(|&child| outside(&self.nodes[child].bounds))
-                    .map(Inside::Node),
-                Kind::Leaf { first, count } => self.prims[first..first + count]
-                    .iter()
-                    .map(|&prim| prim as usize)
-                    .find(|&prim| outside(&bounds[prim]))
-                    .map(Inside::Primitive),
-            };
-            if let Some(inside) = inside {
-                return Err(TreeError::Containment { node, inside });
+            if let Kind::Leaf { first, count } = content.kind() {
+                let prims = self.prims.len();
+                let range = leaves.get_mut(first..first + count);
+                let range = range.ok_or(TreeError::Range { node, first, count, prims })?;
+                range.iter_mut().for_each(|leaves| *leaves += 1);
+            }
+        }
+        match leaves.iter().position(|&leaves| leaves != 1) {
+            Some(entry) => Err(TreeError::Entry { entry, leaves: leaves[entry] }),
+            None => Ok(()),
+        }
+    }
+
+    fn check_boxes(&self, bounds: &[Aabb]) -> Result<(), TreeError> {
+        self.check_nesting()?;
+        for (node, content) in self.nodes.iter().enumerate() {
+            let Kind::Leaf { first, count } = content.kind() else { continue };
+            let prims = self.prims[first..first + count].iter().map(|&prim| prim as usize);
+            let mut outside = prims.filter(|&prim| !content.bounds.contains(&bounds[prim]));
+            if let Some(prim) = outside.next() {
+                return Err(TreeError::Containment { node, inside: Inside::Primitive(prim) });
+            }
+        }
+        Ok(())
+    }
+
+    /// Inner boxes contain those of their children.
+    fn check_nesting(&self) -> Result<(), TreeError> {
+        for (node, content) in self.nodes.iter().enumerate() {
+            let Kind::Inner { left } = content.kind() else { continue };
+            let outside = |&child: &usize| !content.bounds.contains(&self.nodes[child].bounds);
+            if let Some(child) = [left, left + 1].into_iter().find(outside) {
+                return Err(TreeError::Containment { node, inside: Inside::Node(child) });
             }
         }
         Ok(())

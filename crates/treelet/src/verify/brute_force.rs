@@ -11,6 +11,7 @@ use crate::bounds::Interval;
 use crate::geometry::{Hit, TriangleRay};
 use crate::math::Ray;
 use crate::scene::Scene;
+use crate::simd::Scalar;
 use crate::trace::prepared::Prepared;
 use crate::trace::structure::Structure;
 use alloc::collections::BTreeMap;
@@ -73,11 +74,10 @@ impl<'a> BruteForce<'a> {
     /// Every hit of the ray, ordered by `(t, inst, geom, prim)`: what `Scene::all` must give.
     pub fn all(&self, ray: &Ray) -> Vec<Hit> {
         let mut hits = Vec::new();
-        if !ray.is_valid() {
-            return hits;
-        }
         let structure = self.scene.structure();
-        let mut open = alloc::vec![(structure, Prepared::new(ray, structure), 0_u64)];
+        let prepared = Prepared::new(Scalar, ray, structure).filter(|_| ray.is_valid());
+        let mut open: Vec<_> =
+            prepared.into_iter().map(|prepared| (structure, prepared, 0_u64)).collect();
         while let Some((level, prepared, inst)) = open.pop() {
             self.test_level(level, &prepared, ray, inst, &mut hits);
             for instance in &level.instances {
@@ -89,7 +89,7 @@ impl<'a> BruteForce<'a> {
                     continue;
                 }
                 let inner = &*instance.structure;
-                let entered = prepared.enter(&instance.object_from_world, clip, inner);
+                let entered = prepared.enter(Scalar, &instance.object_from_world, clip, inner);
                 open.extend(entered.map(|prepared| (inner, prepared, inst + instance.rank)));
             }
         }

@@ -1,6 +1,6 @@
 //! An Embree device: so many threads, an instruction set, and a count of its memory.
 
-use std::ffi::{CStr, CString, c_void};
+use std::ffi::{CString, c_void};
 use std::sync::atomic::{AtomicI64, Ordering};
 
 use super::interface::{Functions, Handle, PROPERTY_VERSION_MAJOR};
@@ -91,20 +91,24 @@ impl Drop for Device {
 /// It says so on stdout, which is turned into a file for as long as that takes.
 pub(super) fn instruction_set(functions: Functions, configuration: &str) -> Option<String> {
     let text = spoken(|| drop(Device::new(functions, &format!("{configuration},verbose=1"))))?;
-    let chosen = |line: &str| {
-        let (name, value) = line.split_once(':')?;
-        (name.trim() == "ISA").then(|| value.trim().to_owned())
-    };
-    // The line `ISA` lists all that the processor has, from the best down, in some versions.
-    text.lines().find_map(chosen).or_else(|| std::env::var_os("TREELET_EMBREE_SPEAK").map(|_| text))
+    chosen_target(&text)
+}
+
+/// Of the targets that the configured processor supports, the last that the library was compiled
+/// for: both lists rise, and that is the one Embree takes.
+fn chosen_target(text: &str) -> Option<String> {
+    let (_, configuration) = text.split_once("Config")?;
+    let mut lines = configuration.lines().skip_while(|line| !line.trim().starts_with("Targets"));
+    let supported: Vec<&str> = lines.next()?.split_once(':')?.1.split_whitespace().collect();
+    let compiled = lines.next()?.split_once('(')?.0;
+    compiled.split_whitespace().rfind(|target| supported.contains(target)).map(str::to_owned)
 }
 
 /// What `work` prints on stdout.
 #[cfg(target_os = "linux")]
 fn spoken(work: impl FnOnce()) -> Option<String> {
     use std::io::{Read as _, Seek as _, Write as _};
-    let name = CStr::from_bytes_with_nul(b"treelet-embree\0").ok()?;
-    let file = nix::sys::memfd::memfd_create(name, nix::sys::memfd::MFdFlags::empty()).ok()?;
+    let file = nix::sys::memfd::memfd_create(c"embree", nix::sys::memfd::MFdFlags::empty()).ok()?;
     let mut file = std::fs::File::from(file);
     std::io::stdout().flush().ok()?;
     flush_c();
@@ -121,8 +125,7 @@ fn spoken(work: impl FnOnce()) -> Option<String> {
 
 /// What `work` prints on stdout: not known here.
 #[cfg(not(target_os = "linux"))]
-fn spoken(work: impl FnOnce()) -> Option<String> {
-    let _ = (work, CStr::to_bytes);
+fn spoken(_: impl FnOnce()) -> Option<String> {
     None
 }
 
@@ -136,5 +139,26 @@ fn flush_c() {
     if let Ok(flush) = flush {
         // SAFETY: as above.
         unsafe { flush(std::ptr::null_mut()) };
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::chosen_target;
+
+    #[test]
+    fn the_best_of_what_is_supported_and_compiled_is_chosen() {
+        let text = |supported: &str| {
+            format!(
+                "Embree\n  CPU\n   Targets  : SSE AVX AVX2 AVX512 \n  Config\n    Threads : 1\n    \
+                 ISA     : XMM YMM\n    Targets : {supported}  (supported)\n              \
+                 SSE2 SSE4.2 AVX AVX2 AVX512  (compile time enabled)\n"
+            )
+        };
+        let chosen = |supported| chosen_target(&text(supported));
+        assert_eq!(chosen("SSE2 SSE4.2 AVX AVXI AVX2 AVX512").as_deref(), Some("AVX512"));
+        assert_eq!(chosen("SSE2 SSE4.2 AVX AVXI AVX2").as_deref(), Some("AVX2"));
+        assert_eq!(chosen("NEON"), None);
+        assert_eq!(chosen_target("nothing of the kind"), None);
     }
 }

@@ -7,7 +7,8 @@
 //! How it is set up: `threads=N,set_affinity=0`, huge pages as the bench was told, static scenes of
 //! one triangle geometry over the caller's own arrays. LOW is asked of scene and geometry (the
 //! Morton builder needs both), MEDIUM and HIGH of the scene. Not robust unless the variant says so.
-//! Flush-to-zero is left off, as for everybody.
+//! Flush-to-zero is left off, as for everybody: setting it, as Embree's manual advises, changed no
+//! rate on kitchen_bitterli by more than rounds differ (0.97 to 1.10 in two tries of five rounds).
 //!
 //! This folder holds the only unsafe code outside the library: a C interface has no other way.
 #![allow(unsafe_code, reason = "Embree is a C library; every call of it is unsafe")]

@@ -1,0 +1,166 @@
+//! A whole scene through the bench, with an engine that is wrong in a known way.
+
+use treelet::Ray;
+use treelet_bench::crew::Clock;
+use treelet_bench::engine::{
+    Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
+};
+use treelet_bench::marks::{self, Standing};
+use treelet_bench::rays::Kind;
+use treelet_bench::report::Order;
+use treelet_bench::rivals::treelet::Treelet;
+use treelet_bench::rounds::Rounds;
+use treelet_bench::run::{self, BenchError, Plan, SceneResult, Subject, Watcher};
+use treelet_bench::scenes::Generated;
+
+/// treelet under another name, whose first ray of every block gets a wrong answer.
+struct Wrong(&'static str);
+
+struct WrongBuilt(Box<dyn Built>);
+
+struct WrongPass<'a>(Box<dyn Pass + 'a>);
+
+impl Engine for Wrong {
+    fn name(&self) -> &'static str {
+        self.0
+    }
+    fn version(&self) -> String {
+        "0".into()
+    }
+    fn variants(&self) -> Vec<String> {
+        vec!["binned-sah".into(), "sweep-sah".into()]
+    }
+    fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
+        Ok(Box::new(WrongBuilt(Treelet.build(variant, triangles)?)))
+    }
+}
+
+impl Built for WrongBuilt {
+    fn bytes(&self) -> Bytes {
+        self.0.bytes()
+    }
+    fn calls(&self) -> Vec<Call> {
+        vec![Call::ONE]
+    }
+    fn pass<'a>(&'a self, call: Call, question: Question, rays: &'a [Ray]) -> Box<dyn Pass + 'a> {
+        Box::new(WrongPass(self.0.pass(call, question, rays)))
+    }
+}
+
+impl Pass for WrongPass<'_> {
+    fn trace(&mut self) {
+        self.0.trace();
+    }
+    fn answers(&self, answers: &mut Vec<Answer>) {
+        let first = answers.len();
+        self.0.answers(answers);
+        let answer = &mut answers[first];
+        *answer = if answer.is_hit() { Answer::MISS } else { Answer { t: 1.0, prim: 0 } };
+    }
+}
+
+struct Nobody;
+
+impl Watcher for Nobody {
+    fn step(&self, _: &str) {}
+    fn stopped(&self) -> bool {
+        false
+    }
+}
+
+/// Rays of each kind: two blocks of those that threads take.
+const RAYS: usize = 8192;
+
+fn plan() -> Plan {
+    Plan {
+        kinds: Kind::ALL.to_vec(),
+        orders: vec![Order::Given, Order::Shuffled],
+        slices: vec![RAYS, 1024],
+        threads: vec![1],
+        rays: RAYS,
+        rounds: Rounds { count: 2, seconds: 0.0 },
+        clock: Clock::Wall,
+        builders: vec!["binned-sah".into()],
+        variants: Vec::new(),
+    }
+}
+
+fn measure(rival: &'static str) -> Result<SceneResult, BenchError> {
+    let triangles = Generated::Terrain(2_000).triangles();
+    let subject = Subject { name: "hill".into(), generated: true, triangles, up: Some(1) };
+    let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Treelet), Box::new(Wrong(rival))];
+    run::scene(&subject, &mut engines, &plan(), &Nobody)
+}
+
+#[test]
+fn a_rivals_mistakes_are_counted_and_treelets_cells_have_none() {
+    let result = measure("wrong").unwrap();
+    assert!(result.scene.hit_rate > 0.5, "the camera looks away: {}", result.scene.hit_rate);
+    assert!(result.scene.rays_by_brute_force > 100);
+    assert_eq!(result.builds.len(), 3);
+    // treelet: one ray, two lengths of slices; the rival: two trees; five kinds in two orders.
+    assert_eq!(result.traces.len(), (3 + 2) * 5 * 2);
+    for trace in &result.traces {
+        assert_eq!((trace.rays, trace.seconds.len()), (RAYS as u64, 2), "{}", trace.label());
+        assert!(trace.mrays_per_s > 0.0, "{}", trace.label());
+        let wrong = if trace.engine == "wrong" { 2.0 / RAYS as f64 * 1e6 } else { 0.0 };
+        assert_eq!(trace.mismatch_ppm, wrong, "{}", trace.label());
+        assert_eq!(trace.ids_ppm.is_none(), trace.kind.question() == Question::Any);
+        let slices = trace.width == RAYS || trace.width == 1024;
+        assert_eq!(trace.api == Api::Many, slices, "{}", trace.label());
+    }
+}
+
+#[test]
+fn treelet_with_other_bits_is_not_timed() {
+    let error = measure("treelet").unwrap_err();
+    assert!(matches!(error, BenchError::Bits { ray: 0, .. }), "{error}");
+}
+
+#[test]
+fn marks_without_embree_are_not_measured_but_bytes_are() {
+    let result = measure("wrong").unwrap();
+    let marks = marks::marks(&[result.scene], &result.builds, &result.traces);
+    for mark in &marks {
+        let bytes = mark.what.starts_with("bytes a triangle, binned-sah");
+        assert_eq!(mark.standing != Standing::NotMeasured, bytes, "{}", mark.what);
+    }
+    assert!(marks.len() > 30);
+}
+
+/// With treelet in Embree's place the marks compare it with itself.
+#[test]
+fn marks_compare_with_embree() {
+    let mut result = measure("wrong").unwrap();
+    for trace in &mut result.traces {
+        if trace.engine == "wrong" {
+            trace.engine = "embree".into();
+            trace.variant = "MEDIUM".into();
+            // Twice as fast as it was.
+            trace.seconds.iter_mut().for_each(|seconds| *seconds *= 0.5);
+        }
+    }
+    let ours = result.traces.iter().find(|t| t.engine == "treelet").unwrap().clone();
+    for trace in &mut result.traces {
+        if trace.kind == Kind::Primary && trace.order == Order::Given {
+            let factor = if trace.engine == "embree" { 0.5 } else { 1.0 };
+            trace.seconds = ours.seconds.iter().map(|seconds| seconds * factor).collect();
+        }
+    }
+    let marks = marks::marks(&[result.scene], &result.builds, &result.traces);
+    let mark =
+        marks.iter().find(|mark| mark.what.starts_with("single primary, binned-sah / Embree M"));
+    let mark = mark.unwrap();
+    assert_eq!((mark.mean, mark.worst, mark.cells), (Some(0.5), Some(0.5), 1));
+    assert_eq!(mark.standing, Standing::NotMet);
+}
+
+#[test]
+fn an_unknown_variant_is_an_error_that_lists_the_known() {
+    let triangles = Generated::Soup(10).triangles();
+    let subject = Subject { name: "soup".into(), generated: true, triangles, up: None };
+    let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Treelet)];
+    let plan = Plan { builders: vec!["magic".into()], ..plan() };
+    let error = run::scene(&subject, &mut engines, &plan, &Nobody).unwrap_err().to_string();
+    assert!(error.contains("magic") && error.contains("binned-sah"), "{error}");
+}

@@ -1,0 +1,151 @@
+//! Quality levels: named compositions of a builder and optimisers, as data.
+
+use super::builder::BuildOptions;
+use crate::bounds::Aabb;
+use crate::build::{BinnedSah, BuildError, Builder, Clip, Hploc, Lbvh, SweepSah};
+use crate::context::Context;
+use crate::geometry::Mesh;
+use crate::geometry::clip::clipped_bounds;
+use crate::optimize::{Optimizer, Reinsertion};
+use crate::tree::Tree;
+use core::fmt;
+
+/// How much time to spend on a tree that is traced faster. No level changes an answer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// For scenes that are hardly traced at all.
+    Fastest,
+    /// For scenes that change from picture to picture.
+    Fast,
+    /// For usual numbers of rays.
+    #[default]
+    Default,
+    /// For tens of rays a triangle and more.
+    High,
+    /// For rays without end.
+    Best,
+}
+
+impl Quality {
+    /// Every level, from the fastest build to the fastest trace.
+    pub const ALL: [Self; 5] = [Self::Fastest, Self::Fast, Self::Default, Self::High, Self::Best];
+
+    /// As users write it.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Fastest => "fastest",
+            Self::Fast => "fast",
+            Self::Default => "default",
+            Self::High => "high",
+            Self::Best => "best",
+        }
+    }
+
+    /// What it is for, in a line.
+    pub fn summary(self) -> &'static str {
+        match self {
+            Self::Fastest => "for scenes that are hardly traced at all",
+            Self::Fast => "for scenes that change from picture to picture",
+            Self::Default => "for usual numbers of rays",
+            Self::High => "for tens of rays a triangle and more",
+            Self::Best => "for rays without end",
+        }
+    }
+
+    /// The level of that name.
+    pub fn by_name(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|quality| quality.name() == name)
+    }
+
+    /// What the level is made of.
+    ///
+    /// Leaves of one primitive give reinsertion the most to do; layouts put them together. Spatial
+    /// splits (`split-sah`) are in none: see there what they lost.
+    pub fn plan(self) -> Plan<'static> {
+        let plain = |builder| Plan { quality: self, builder, optimizers: &[] };
+        match self {
+            Self::Fastest => plain(&Lbvh::DEFAULT),
+            Self::Fast => plain(&Hploc::DEFAULT),
+            Self::Default => plain(&BinnedSah::DEFAULT),
+            Self::High => Plan {
+                optimizers: &[&Reinsertion::DEFAULT],
+                ..plain(&BinnedSah { leaf_max: 1, ..BinnedSah::DEFAULT })
+            },
+            Self::Best => Plan {
+                optimizers: &[&Reinsertion { share: 1.0, gain_min: 1e-3, ..Reinsertion::DEFAULT }],
+                ..plain(&SweepSah { leaf_max: 1, ..SweepSah::DEFAULT })
+            },
+        }
+    }
+}
+
+/// What makes a tree: a builder, then optimisers.
+#[derive(Clone, Copy)]
+pub struct Plan<'a> {
+    /// The level that it is, or was made from.
+    pub quality: Quality,
+    /// Makes the tree.
+    pub builder: &'a dyn Builder,
+    /// Improve it, one after the other.
+    pub optimizers: &'a [&'a dyn Optimizer],
+}
+
+impl<'a> Plan<'a> {
+    /// What the options ask for.
+    pub(super) fn new(options: &BuildOptions<'a>) -> Self {
+        let mut plan: Plan<'a> = options.quality.plan();
+        if let Some(builder) = options.builder {
+            plan = Plan { quality: plan.quality, builder, optimizers: &[] };
+        }
+        Self { optimizers: options.optimizers.unwrap_or(plan.optimizers), ..plan }
+    }
+
+    /// The tree over primitives with these boxes.
+    ///
+    /// # Errors
+    ///
+    /// An option out of range, too many primitives, cancellation, memory.
+    pub fn build(
+        &self,
+        bounds: &[Aabb],
+        clip: &dyn Clip,
+        context: &Context<'_>,
+    ) -> Result<Tree, BuildError> {
+        let mut tree = self.builder.build_clipped(bounds, clip, context)?;
+        for optimizer in self.optimizers {
+            tree = optimizer.optimize(tree, context)?;
+        }
+        Ok(tree)
+    }
+}
+
+impl fmt::Display for Plan<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}", self.builder.info().name)?;
+        self.optimizers.iter().try_for_each(|optimizer| write!(f, " + {}", optimizer.info().name))
+    }
+}
+
+/// A level's triangles and instances, as splits see them.
+pub(super) struct Cuttable<'a> {
+    pub(super) meshes: &'a [(Mesh, u32)],
+    /// `(geom, prim)` of the triangles; instances come after them.
+    pub(super) names: &'a [(u32, u32)],
+    pub(super) bounds: &'a [Aabb],
+}
+
+impl Cuttable<'_> {
+    fn corners(&self, prim: u32) -> Option<[[f32; 3]; 3]> {
+        let &(geom, prim) = self.names.get(prim as usize)?;
+        self.meshes[geom as usize].0.corners(prim as usize)
+    }
+}
+
+impl Clip for Cuttable<'_> {
+    fn clip(&self, prim: u32, region: &Aabb) -> Aabb {
+        match self.corners(prim) {
+            Some(corners) => clipped_bounds(&corners, region),
+            None => self.bounds[prim as usize].intersection(region),
+        }
+    }
+}
