@@ -12,7 +12,7 @@ use crate::trace::structure::{Layout, Structure};
 use alloc::vec::Vec;
 
 /// Rays that are sorted into classes at once.
-const PIECE: usize = 32_768;
+const PIECE: usize = 16_384;
 
 /// Rays from one point that are walked together: neighbours in a camera's tile.
 const TILE: usize = 256;
@@ -28,10 +28,13 @@ struct Work {
 }
 
 impl Work {
-    /// For so many rays.
-    fn new(len: usize) -> Result<Self, OutOfMemory> {
+    /// For so many rays; `None` where they are too few, or there is no memory for it.
+    fn new(len: usize) -> Option<Self> {
+        if len < MANY { None } else { Self::try_new(len.min(PIECE)).ok() }
+    }
+
+    fn try_new(len: usize) -> Result<Self, OutOfMemory> {
         const WHAT: &str = "the classes of rays";
-        let len = len.min(PIECE);
         let room = Room::new(len)?;
         Ok(Self {
             room,
@@ -43,32 +46,57 @@ impl Work {
 
 /// [`closest::closest`] for each ray.
 pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]) {
-    let work = if rays.len() < MANY { None } else { Work::new(rays.len()).ok() };
-    let Some(mut work) = work else {
-        for (ray, out) in rays.iter().zip(hits) {
-            *out = closest::closest(structure, ray).unwrap_or(Hit::MISS);
-        }
-        return;
-    };
+    let mut work = Work::new(rays.len());
+    let deals_well = structure.level.run(DealsWell);
     for (rays, hits) in rays.chunks(PIECE).zip(hits.chunks_mut(PIECE)) {
-        hits.fill(Hit::MISS);
-        streams(structure, rays, &mut closest::Many { hits }, &mut work);
+        match &mut work {
+            Some(work) if deals_well || share_origin(rays) => {
+                hits.fill(Hit::MISS);
+                streams(structure, rays, &mut closest::Many { hits }, work);
+            }
+            _ => {
+                for (ray, out) in rays.iter().zip(hits) {
+                    *out = closest::closest(structure, ray).unwrap_or(Hit::MISS);
+                }
+            }
+        }
     }
 }
 
 /// [`any::any`] for each ray.
 pub(crate) fn any_many(structure: &Structure, rays: &[Ray], answers: &mut [bool]) {
-    let work = if rays.len() < MANY { None } else { Work::new(rays.len()).ok() };
-    let Some(mut work) = work else {
-        for (ray, out) in rays.iter().zip(answers) {
-            *out = any::any(structure, ray);
-        }
-        return;
-    };
+    let mut work = Work::new(rays.len());
     for (rays, answers) in rays.chunks(PIECE).zip(answers.chunks_mut(PIECE)) {
-        answers.fill(false);
-        streams(structure, rays, &mut any::Many { answers }, &mut work);
+        match &mut work {
+            Some(work) => {
+                answers.fill(false);
+                streams(structure, rays, &mut any::Many { answers }, work);
+            }
+            None => {
+                for (ray, out) in rays.iter().zip(answers) {
+                    *out = any::any(structure, ray);
+                }
+            }
+        }
     }
+}
+
+/// Whether lists are dealt out by instructions made for it.
+struct DealsWell;
+
+impl Kernel for DealsWell {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, _: S) -> bool {
+        S::COMPRESSES
+    }
+}
+
+/// Whether the rays come from one point: seen at the second ray if not.
+fn share_origin(rays: &[Ray]) -> bool {
+    let first = rays.first().map(|ray| ray.origin);
+    rays.iter().all(|ray| Some(ray.origin) == first)
 }
 
 /// Sorts the rays into classes and walks each class in batches.
