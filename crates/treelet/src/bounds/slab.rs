@@ -116,15 +116,13 @@ impl SlabRay {
         reciprocal: [f32; 3],
         backward: [u8; 3],
     ) -> Self {
-        let mut sides = [[0.0; 4]; 2];
-        for axis in 0..3 {
-            let first = usize::from(backward[axis] & 1);
-            sides[first][axis] = near[axis];
-            sides[first ^ 1][axis] = far[axis];
-        }
+        let side = |side: u8| {
+            let pick = |axis: usize| if backward[axis] == side { near[axis] } else { far[axis] };
+            [pick(0), pick(1), pick(2), 0.0]
+        };
         let [x, y, z] = backward.map(u32::from);
         let reciprocal = [reciprocal[0], reciprocal[1], reciprocal[2], 0.0];
-        Self { sides, reciprocal, backward: x | y << 1 | z << 2 }
+        Self { sides: [side(0), side(1)], reciprocal, backward: x | y << 1 | z << 2 }
     }
 
     /// By axis: 1 if the ray meets the upper plane first, else 0.

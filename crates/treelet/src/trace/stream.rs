@@ -1,16 +1,38 @@
 //! Many rays through one level at once: a node is loaded once for all rays that reach it.
 //!
-//! Rays of one octant (the signs of the direction) are walked together, depth first, as lists of
-//! ids. At a node every ray of the list is tested against all children; the ids are then dealt out
-//! to one list a child. What that gains: no step of a ray waits for the one before it, nothing
-//! branches on a single ray, nodes are fetched once for many rays.
+//! Rays of one class (the signs of the direction, and its longest axis) are walked together, depth
+//! first, as lists of ids. At a node every ray of the list is tested against all children; the ids
+//! are then dealt out to one list a child. What that gains: no step of a ray waits for the one before
+//! it, nothing branches on a single ray, nodes are fetched once for many rays. At a leaf, 16 rays
+//! meet a triangle at once ([`crate::geometry::bundle`]); short lists go on as single rays.
 //!
-//! The test of a box is that of single rays, step by step; the test of a triangle is the same
-//! function. Lists may hold rays whose hit has come nearer since: those only cost time. So the
-//! answers are those of single rays.
+//! # The same answers
+//!
+//! The test of a box makes the steps of single rays, and so does that of a triangle, in other lanes.
+//! Lists may hold rays whose hit has come nearer since: those only cost time. So every triangle whose
+//! hit could be the answer is tested with the same result, and ties are settled by id. Instances are
+//! left to single rays from the leaf on that holds them.
+//!
+//! # What it costs
+//!
+//! Set-up is 4 ns a ray and sorting into classes 3. Of a primary ray's 60 ns in a kitchen of 1.4 M
+//! triangles, leaves take 45 %, node tests 20 % (nine nodes a ray), single rays 8 %. Counted there per
+//! ray: 3.5 rays in bundles, of which 1.9 are left after what hides the leaf is known, 1.7 nearer
+//! hits; lists are 250 rays long at nodes. Diffuse: 7.4 nodes, lists of 65, 1.8 in bundles, 0.2 single.
+//!
+//! # What was tried
+//!
+//! - A ray against four triangles at leaves instead of 16 rays against one: primary 8.7 instead of
+//!   13.8 M rays/s, shadow 16.9 instead of 22.3.
+//! - Preparing rays one by one: 15 to 19 ns a ray instead of 4.
+//! - Columns of 16 rays passed by value, not in memory: a kilobyte copied per step, 20 % of shadow rays.
+//! - Children by the entry of the list's first ray to enter, for all rays: hits found per ray fall from
+//!   2.6 to 1.9 for one origin, and rise from 1.2 to 1.4 for random rays: hence both orders.
+//! - Looking at the hit so far before writing a nearer one: 8 % of diffuse rays (cache misses).
+//! - Lists of up to 1, 2, 4 or 8 rays as single rays: alike within 5 %.
 //!
 //! Source: W. Barringer, T. Akenine-Moller, "Dynamic Ray Stream Traversal", SIGGRAPH 2014; differs:
-//! rays of different octants never share a list, short lists go on as single rays.
+//! rays of different classes never share a list, short lists go on as single rays.
 
 use super::record::{
     Class, FAR, NEAR, ORIGIN, RAYS, RECIPROCAL, Record, Rest, SHEAR, T_MAX, T_MIN, prepared,
@@ -177,6 +199,7 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
 
 /// Sends one ray on alone.
 #[inline(always)]
+#[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
 fn one<'a, S, A, const W: usize>(
     simd: S,
     structure: &'a Structure,
@@ -530,7 +553,7 @@ fn leaf_of_many<'a, S: Simd, A: Answers<'a>>(
         t_min: &c[T_MIN],
     };
     // Hits that were found since the list was made may hide the whole leaf.
-    let lanes = (1 << len) - 1 & bundle.meets(simd, &leaf.bounds, &t_max);
+    let lanes = ((1 << len) - 1) & bundle.meets(simd, &leaf.bounds, &t_max);
     if lanes == 0 {
         return;
     }
