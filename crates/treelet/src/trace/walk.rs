@@ -275,7 +275,17 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
                 next = pop(visitor, &mut stack, counters);
                 break;
             }
-            match open_instances(simd, &frame, first, count, ray, visitor, counters) {
+            let (frame_now, visitor_now) = (&frame, &*visitor);
+            let counters = &mut *counters;
+            let leaf = InstanceLeaf {
+                frame: frame_now,
+                first,
+                count,
+                ray,
+                visitor: visitor_now,
+                counters,
+            };
+            match simd.call(leaf) {
                 Opened::Several(instances, count) => {
                     instances.iter().take(count).for_each(|pending| stack.push(*pending));
                     next = pop(visitor, &mut stack, counters);
@@ -343,48 +353,54 @@ enum Opened<'a, P, const W: usize> {
     One(Frame<'a, W>),
 }
 
-/// Enters an instance, or makes leaves of one each of a leaf of several.
-#[inline(never)]
-fn open_instances<'a, S: Simd, V: Visitor<'a>, C: Count, const W: usize>(
-    simd: S,
-    frame: &Frame<'a, W>,
+/// A leaf of instances: one is entered, several become leaves of one each.
+struct InstanceLeaf<'a, 'd, V, C, const W: usize> {
+    frame: &'d Frame<'a, W>,
     first: usize,
     count: usize,
-    ray: &Ray,
-    visitor: &V,
-    counters: &mut C,
-) -> Opened<'a, V::Pending, W>
+    ray: &'d Ray,
+    visitor: &'d V,
+    counters: &'d mut C,
+}
+
+impl<'a, V: Visitor<'a>, C: Count, const W: usize> Kernel for InstanceLeaf<'a, '_, V, C, W>
 where
     Layout: Get<W>,
 {
-    let at = first - frame.wide.triangles;
-    let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
-    let mut len = 0;
-    if count == 1 {
-        if let Some(inner) = enter(simd, frame, at, ray, visitor) {
-            counters.instance();
-            return Opened::One(inner);
+    type Output = Opened<'a, V::Pending, W>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Opened<'a, V::Pending, W> {
+        let Self { frame, first, count, ray, visitor, counters } = self;
+        let at = first - frame.wide.triangles;
+        let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
+        let mut len = 0;
+        if count == 1 {
+            if let Some(inner) = enter(simd, frame, at, ray, visitor) {
+                counters.instance();
+                return Opened::One(inner);
+            }
+            return Opened::Several(several, 0);
         }
-        return Opened::Several(several, 0);
+        counters.leaf(0);
+        for at in at..at + count {
+            let instance = frame.structure.leaf_instance(at);
+            if instance.mask & ray.mask == 0 {
+                continue;
+            }
+            let inside = frame.ray.slab.interval(&instance.bounds);
+            if inside.is_empty() {
+                counters.box_culls(1);
+            } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
+                counters.t_culls(1);
+            } else if let Some(place) = several.get_mut(len) {
+                let child = Child::leaf(frame.wide.triangles + at, 1);
+                *place = Pending::new(child, inside.entry.to_bits());
+                len += 1;
+            }
+        }
+        Opened::Several(several, len)
     }
-    counters.leaf(0);
-    for at in at..at + count {
-        let instance = &frame.structure.instances[frame.structure.leaf_instances[at] as usize];
-        if instance.mask & ray.mask == 0 {
-            continue;
-        }
-        let inside = frame.ray.slab.interval(&instance.bounds);
-        if inside.is_empty() {
-            counters.box_culls(1);
-        } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
-            counters.t_culls(1);
-        } else if let Some(place) = several.get_mut(len) {
-            let child = Child::leaf(frame.wide.triangles + at, 1);
-            *place = Pending::new(child, inside.entry.to_bits());
-            len += 1;
-        }
-    }
-    Opened::Several(several, len)
 }
 
 /// How a node's children that are met go on the stack.
@@ -559,6 +575,7 @@ fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, co
 }
 
 /// The level inside an instance, if the ray has business there.
+#[inline(always)]
 fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
     simd: S,
     frame: &Frame<'a, W>,
@@ -569,8 +586,7 @@ fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
 where
     Layout: Get<W>,
 {
-    let structure = frame.structure;
-    let instance = &structure.instances[structure.leaf_instances[at] as usize];
+    let instance = frame.structure.leaf_instance(at);
     if instance.mask & ray.mask == 0 {
         return None;
     }
