@@ -112,7 +112,19 @@ impl Floats<4> for F4 {
         lanes
     }
 
-    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
+    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+        Self(unsafe {
+            let lanes = _mm_setr_epi32(1, 2, 4, 8);
+            let chosen = _mm_and_si128(_mm_set1_epi32(bits as i32), lanes);
+            let chosen = _mm_castsi128_ps(_mm_cmpeq_epi32(chosen, lanes));
+            _mm_blendv_ps(other.0, _mm_min_ps(self.0, other.0), chosen)
+        })
+    }
+
     compare! { le _mm_cmple_ps _mm_movemask_ps lt _mm_cmplt_ps _mm_movemask_ps }
 }
 
@@ -128,8 +140,6 @@ impl Four for F4 {
         // SAFETY: as above.
         Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
     }
-
-    lanewise! { div _mm_div_ps }
 
     #[inline(always)]
     fn max_lane(self) -> Self {

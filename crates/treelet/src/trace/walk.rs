@@ -195,12 +195,33 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 {
     let Some(wide) = structure.layout.get() else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
+    walk_from(simd, structure, prepared, wide.root, ray, visitor, counters);
+}
+
+/// [`walk`] through what is below a child of the outermost level.
+#[inline(always)]
+pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
+    simd: S,
+    structure: &'a Structure,
+    prepared: Prepared,
+    start: Child,
+    ray: &Ray,
+    visitor: &mut V,
+    counters: &mut C,
+) where
+    S: Wide<W>,
+    Layout: Get<W>,
+    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
+    V: Visitor<'a>,
+    C: Count,
+{
+    let Some(wide) = structure.layout.get() else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
-    let mut next = wide.root;
+    let mut next = start;
     loop {
         // One level, until the ray leaves it or enters another.
         loop {
