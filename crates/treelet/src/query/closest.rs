@@ -4,9 +4,10 @@ use super::{ask, ask_simply};
 use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::trace::Counters;
+use crate::trace::pending::ByEntry;
 use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{ByEntry, Found, Visitor};
+use crate::trace::walk::{Found, Visitor};
 use core::ops::ControlFlow;
 
 /// The answer so far: a miss at the ray's end.

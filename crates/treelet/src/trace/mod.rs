@@ -1,6 +1,9 @@
 //! Walks: how a ray finds the few triangles worth testing, and what that costs.
 
 pub mod counters;
+mod descent;
+mod instance;
+pub(crate) mod pending;
 pub(crate) mod prepared;
 pub(crate) mod record;
 pub(crate) mod slack;
