@@ -79,21 +79,27 @@ fn finish(
         id = next.ok_or(BuildError::TooManyPrims { prims: u64::from(id) + count as u64 })?;
     }
 
-    let triangle = |at: u32| {
-        let (geom, prim) = prims.names[at as usize];
-        let corners = geometries[geom as usize].mesh.corners(prim as usize);
-        // Only triangles without a defect have a name here.
-        Packed { corners: corners.unwrap_or_default(), id: first_ids[geom as usize] + prim }
+    let names = &prims.names;
+    let source = |prims: &[u32], packed: &mut [Packed]| {
+        for (&at, packed) in prims.iter().zip(packed) {
+            let (geom, prim) = names[at as usize];
+            // Only triangles without a defect have a name here.
+            let corners = geometries[geom as usize].mesh.corners(prim as usize);
+            *packed = Packed {
+                corners: corners.unwrap_or_default(),
+                id: first_ids[geom as usize] + prim,
+            };
+        }
     };
     let triangles = prims.names.len();
     let cancel = &options.context.cancel;
     let (layout, order) = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
         LayoutChoice::Wide8 => {
-            let lowered = lower::<8>(tree, &prims.bounds, triangles, &triangle, cancel)?;
+            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, cancel)?;
             (Layout::Wide8(lowered.wide), lowered.instances)
         }
         LayoutChoice::Wide16 => {
-            let lowered = lower::<16>(tree, &prims.bounds, triangles, &triangle, cancel)?;
+            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
             (Layout::Wide16(lowered.wide), lowered.instances)
         }
     };
