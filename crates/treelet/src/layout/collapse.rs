@@ -140,28 +140,38 @@ impl<const W: usize> Plan<W> {
         plan.list(priced.tree, root, &ends);
 
         // Decide, children first: in this order the costs of children are on top of the stack, the
-        // left one's uppermost.
-        let mut stack: Vec<(Cost, Below)> = Vec::new();
+        // left one's uppermost. Costs stay where they are; leaves have places of their own.
+        let mut stack = Stack::default();
+        let mut leaves = [Cost::NOTHING; 2];
         for at in (0..plan.nodes.len()).rev() {
             let node = &priced.tree.nodes[plan.nodes[at].node as usize];
-            let left = node.first;
-            let mut side = |node: u32| match ends(node) {
-                Some(cost) => (*cost, Below::Tree(node)),
-                None => match priced.tree.nodes[node as usize].kind() {
-                    Kind::Inner { .. } => stack.pop().unwrap_or((Cost::NOTHING, Below::Tree(node))),
-                    Kind::Leaf { .. } => (plan.leaf(priced, node), Below::Tree(node)),
-                },
-            };
-            let ((left, below_left), (right, below_right)) = (side(left), side(left + 1));
+            let mut below = [BelowWord(0); 2];
+            let mut popped = [None; 2];
+            for side in 0..2 {
+                let child = node.first + side as u32;
+                below[side] = Below::Tree(child).into();
+                if let Some(cost) = ends(child) {
+                    leaves[side] = *cost;
+                } else if priced.tree.nodes[child as usize].count > 0 {
+                    plan.leaf(priced, child, &mut leaves[side]);
+                } else {
+                    popped[side] = stack.pop();
+                    below[side] = stack.root(popped[side]).into();
+                }
+            }
             let planned = &mut plan.nodes[at];
-            planned.below = [below_left.into(), below_right.into()];
-            let area = priced.area(node);
-            let cost = planned.decide::<W>(area, &left, &right, &mut plan.ways);
-            stack.push((cost, Below::Planned(at as u32)));
+            planned.below = below;
+            let cost =
+                |side: usize| popped[side].map_or(&leaves[side], |at: usize| &stack.costs[at]);
+            let decided = planned.decide::<W>(priced.area(node), cost(0), cost(1), &mut plan.ways);
+            stack.push::<W>(at as u32, &decided);
         }
         match stack.pop() {
-            Some((cost, _)) => plan.cost = cost,
-            None => plan.cost = plan.leaf(priced, root),
+            Some(at) => plan.cost = stack.costs[at],
+            None => {
+                plan.leaf(priced, root, &mut leaves[0]);
+                plan.cost = leaves[0];
+            }
         }
         plan
     }
@@ -183,13 +193,16 @@ impl<const W: usize> Plan<W> {
 
     /// Counts and prices a leaf of the tree.
     #[inline(always)]
-    fn leaf(&mut self, priced: &Priced<'_>, node: u32) -> Cost {
+    fn leaf(&mut self, priced: &Priced<'_>, node: u32, cost: &mut Cost) {
         let node = &priced.tree.nodes[node as usize];
-        let Kind::Leaf { first, count } = node.kind() else { return Cost::NOTHING };
-        let prim = priced.tree.prims.get(first).copied().unwrap_or(0);
-        let is_instance = prim >= priced.first_instance;
+        let Kind::Leaf { first, count } = node.kind() else { return };
+        let is_instance = priced.first_instance < u32::MAX
+            && priced.tree.prims.get(first).is_some_and(|&prim| prim >= priced.first_instance);
         self.entries[usize::from(is_instance)] += count;
-        Cost::leaf(priced.area(node), count, 1 << u8::from(is_instance))
+        cost.by_slots[SLOTS_MAX..].fill(priced.area(node) * BLOCK);
+        cost.leaves = 1;
+        cost.entries = count.min(LEAF_MAX + 1);
+        cost.kinds = 1 << u8::from(is_instance);
     }
 
     /// What stands in the slots of a wide node that are spent on the planned node `at`: its parts, if
@@ -238,14 +251,6 @@ impl Cost {
     const NOTHING: Self =
         Self { by_slots: [f32::INFINITY; 2 * SLOTS_MAX], leaves: 1, entries: 0, kinds: 0 };
 
-    /// Of a leaf of the tree.
-    #[inline(always)]
-    fn leaf(area: f32, entries: usize, kinds: u8) -> Self {
-        let mut cost = Self { entries: entries.min(LEAF_MAX + 1), kinds, ..Self::NOTHING };
-        cost.by_slots[SLOTS_MAX..].fill(area * BLOCK);
-        cost
-    }
-
     /// The same for whoever must not make a leaf of it.
     pub(super) fn opaque(self) -> Self {
         Self { entries: LEAF_MAX + 1, ..self }
@@ -281,7 +286,7 @@ impl Planned {
         left: &Cost,
         right: &Cost,
         ways: &mut Vec<u16>,
-    ) -> Cost {
+    ) -> Decided {
         self.right_is_small = right.leaves < left.leaves;
         let (small, large) = if self.right_is_small { (right, left) } else { (left, right) };
         let tried = small.leaves.min(W - 1);
@@ -314,15 +319,61 @@ impl Planned {
         let as_node = area * VISIT + shared[W / 4 - 1].to_array()[3];
         self.leaf = as_leaf <= as_node;
         let single = F4::splat(if self.leaf { as_leaf } else { as_node });
-        let leaves = (left.leaves + right.leaves).min(W);
-        let mut cost = Cost { leaves, entries, kinds, ..Cost::NOTHING };
         let mut opened = 0;
         for at in 0..W / 4 {
             opened |= shared[at].less_bits(single) << (4 * at);
-            let start = SLOTS_MAX + 4 * at;
-            cost.by_slots[start..start + 4].copy_from_slice(&shared[at].min(single).to_array());
+            shared[at] = shared[at].min(single);
         }
         self.single = !(opened as u16);
-        cost
+        let leaves = (left.leaves + right.leaves).min(W);
+        Decided { by_slots: shared, leaves, entries, kinds }
+    }
+}
+
+/// What [`Planned::decide`] finds out about a subtree: a [`Cost`] in registers.
+struct Decided {
+    by_slots: [F4; SLOTS_MAX / 4],
+    leaves: usize,
+    entries: usize,
+    kinds: u8,
+}
+
+/// Costs of the planned nodes whose parents are not decided yet.
+#[derive(Default)]
+struct Stack {
+    /// Beyond `len`, what was there before.
+    costs: Vec<Cost>,
+    /// Which planned node each belongs to.
+    roots: Vec<u32>,
+    len: usize,
+}
+
+impl Stack {
+    #[inline(always)]
+    fn push<const W: usize>(&mut self, root: u32, decided: &Decided) {
+        if self.len == self.costs.len() {
+            self.costs.push(Cost::NOTHING);
+            self.roots.push(0);
+        }
+        let cost = &mut self.costs[self.len];
+        for at in 0..W / 4 {
+            let start = SLOTS_MAX + 4 * at;
+            cost.by_slots[start..start + 4].copy_from_slice(&decided.by_slots[at].to_array());
+        }
+        (cost.leaves, cost.entries, cost.kinds) = (decided.leaves, decided.entries, decided.kinds);
+        self.roots[self.len] = root;
+        self.len += 1;
+    }
+
+    /// Where the uppermost cost is, until the next is pushed.
+    #[inline(always)]
+    fn pop(&mut self) -> Option<usize> {
+        self.len = self.len.checked_sub(1)?;
+        Some(self.len)
+    }
+
+    #[inline(always)]
+    fn root(&self, popped: Option<usize>) -> Below {
+        popped.map_or(Below::Tree(0), |at| Below::Planned(self.roots[at]))
     }
 }

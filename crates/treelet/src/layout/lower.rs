@@ -59,8 +59,10 @@ pub(crate) fn lower<const W: usize>(
         let wide = Wide { nodes, root: Child::END, words, triangles: 0 };
         return Ok(Lowered { wide, instances: Vec::new() });
     }
-    let selection = select(tree, triangles as u32, cancel)?;
-    let writer = Writer { tree, source, first_instance: triangles as u32, cancel };
+    // Where there is no instance, nobody looks for one.
+    let first_instance = if bounds.len() > triangles { triangles as u32 } else { u32::MAX };
+    let selection = select(tree, first_instance, cancel)?;
+    let writer = Writer { tree, source, first_instance, cancel };
     write(&writer, selection)
 }
 
