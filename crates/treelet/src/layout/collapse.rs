@@ -99,7 +99,7 @@ pub(super) struct Cost {
 /// Decisions for the upper part of a subtree.
 #[derive(Clone, Debug)]
 pub(super) struct Plan<const W: usize> {
-    /// Parents before children, left before right; the root first.
+    /// Parents before children; the root first.
     pub(super) nodes: Vec<Planned>,
     /// Bit `j - 1`, see [`Planned::ways`].
     ways: Vec<u16>,
@@ -140,15 +140,15 @@ impl<const W: usize> Plan<W> {
         plan.list(priced.tree, root, &ends);
 
         // Decide, children first: in this order the costs of children are on top of the stack, the
-        // left one's uppermost. Costs stay where they are; leaves have places of their own.
+        // nearer one's uppermost. Costs stay where they are; leaves have places of their own.
         let mut stack = Stack::default();
         let mut leaves = [Cost::NOTHING; 2];
         for at in (0..plan.nodes.len()).rev() {
             let node = &priced.tree.nodes[plan.nodes[at].node as usize];
             let mut below = [BelowWord(0); 2];
             let mut popped = [None; 2];
-            for side in 0..2 {
-                let child = node.first + side as u32;
+            for child in near_first(priced.tree, node.first) {
+                let side = (child - node.first) as usize;
                 below[side] = Below::Tree(child).into();
                 if let Some(cost) = ends(child) {
                     leaves[side] = *cost;
@@ -176,17 +176,23 @@ impl<const W: usize> Plan<W> {
         plan
     }
 
-    /// Lists the inner nodes, parents first, left before right.
+    /// Lists the inner nodes, parents first, siblings in the order in which what is below them lies in
+    /// memory: to wait for every node would take longer than all the rest.
     #[inline(always)]
     fn list<'a>(&mut self, tree: &Tree, root: u32, ends: &impl Fn(u32) -> Option<&'a Cost>) {
-        let mut open = alloc::vec![root];
-        while let Some(mut node) = open.pop() {
-            while ends(node).is_none()
-                && let Kind::Inner { left } = tree.nodes[node as usize].kind()
-            {
-                self.nodes.push(Planned::new(node));
-                open.push(left as u32 + 1);
-                node = left as u32;
+        let is_inner = |node: u32| ends(node).is_none() && tree.nodes[node as usize].count == 0;
+        let mut open = Vec::new();
+        if is_inner(root) {
+            open.push(root);
+        }
+        while let Some(node) = open.pop() {
+            self.nodes.push(Planned::new(node));
+            let [near, far] = near_first(tree, tree.nodes[node as usize].first);
+            if is_inner(far) {
+                open.push(far);
+            }
+            if is_inner(near) {
+                open.push(near);
             }
         }
     }
@@ -245,6 +251,14 @@ impl<const W: usize> Plan<W> {
         }
         if planned.right_is_small { slots - small } else { small }
     }
+}
+
+/// Two siblings, first the one whose children come first in memory, if both are inner nodes.
+#[inline(always)]
+fn near_first(tree: &Tree, left: u32) -> [u32; 2] {
+    let at = left as usize;
+    let right_is_near = tree.nodes[at + 1].first < tree.nodes[at].first;
+    if right_is_near { [left + 1, left] } else { [left, left + 1] }
 }
 
 impl Cost {
@@ -377,3 +391,6 @@ impl Stack {
         popped.map_or(Below::Tree(0), |at| Below::Planned(self.roots[at]))
     }
 }
+
+#[cfg(test)]
+mod tests;
