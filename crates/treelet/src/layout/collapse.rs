@@ -18,7 +18,7 @@
 //! and two or three steps in practice. Costs live on a stack while a subtree is planned; what stays
 //! of an inner node is 24 bytes, and two for each step but the first.
 
-use super::wide::LEAF_MAX;
+use super::wide::{LEAF_MAX, SLOTS_MAX};
 use crate::simd::f4::F4;
 use crate::tree::{self, Kind, Tree};
 use alloc::vec::Vec;
@@ -27,9 +27,6 @@ use alloc::vec::Vec;
 pub(super) const VISIT: f32 = 1.0;
 /// Price of testing a leaf's block.
 pub(super) const BLOCK: f32 = 1.0;
-
-/// Slots of the widest node.
-const SLOTS_MAX: usize = 16;
 
 /// A node below a plan: one that the plan covers, or one where it ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -134,7 +131,7 @@ impl<const W: usize> Plan<W> {
         root: u32,
         ends: impl Fn(u32) -> Option<&'a Cost>,
     ) -> Self {
-        const { assert!(W % 4 == 0 && W <= SLOTS_MAX) }
+        const { assert!(W.is_multiple_of(4) && W <= SLOTS_MAX) }
         let mut plan =
             Self { nodes: Vec::new(), ways: Vec::new(), cost: Cost::NOTHING, entries: [0; 2] };
         plan.list(priced.tree, root, &ends);

@@ -7,7 +7,7 @@
 //! of threads.
 //!
 //! Cost: O(n) time; beyond the result about 26 bytes an inner node of the tree for the plans, then
-//! `4 W + 8` bytes a wide node.
+//! `4 W + 12` bytes a wide node.
 
 use super::collapse::{Plan, Priced};
 use super::select::{Entry, Selected, Top};

@@ -4,13 +4,10 @@
 //! A node's largest child is the one that any-hit walks enter first.
 
 use super::collapse::{Below, Plan, Priced};
-use super::wide::{Child, Node};
+use super::wide::{Child, Node, SLOTS_MAX};
 use crate::context::{Cancel, Cancelled};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
-
-/// Slots of the widest node.
-const SLOTS_MAX: usize = 16;
 
 /// A child of a wide node in a word: bits 0..31 are a node of the tree; bit 31 is set where all that
 /// is below becomes one leaf.

@@ -5,13 +5,10 @@
 
 use super::lower::Packed;
 use super::select::{Chosen, NO_PARENT, Part, Selected};
-use super::wide::{Child, LEAF_MAX, Node, TRIANGLE_WORDS};
+use super::wide::{Child, LEAF_MAX, Node, SLOTS_MAX, TRIANGLE_WORDS};
 use crate::context::{Cancel, Cancelled};
 use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
-
-/// Slots of the widest node.
-const SLOTS_MAX: usize = 16;
 
 /// What is written.
 pub(super) struct Writer<'a, F> {
