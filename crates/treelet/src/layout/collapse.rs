@@ -13,17 +13,20 @@
 //! traced rays by less than the noise. Differs from the source in that: there a leaf costs by its
 //! triangles.
 //!
-//! Slots beyond the leaves of a subtree are not looked at, so the cost of all is O(W) a node of the
-//! tree (a knapsack on a tree), not O(W^2).
+//! Cost: for each inner node, the slots of the child with fewer leaves are tried one after the
+//! other, each for all `j` at once as vectors. That is O(W) a node on average (a knapsack on a tree),
+//! and two or three steps in practice. Costs live on a stack while a subtree is planned; what stays
+//! of an inner node is 24 bytes, and two for each step but the first.
 
-use super::wide::LEAF_MAX;
-use crate::tree::{Kind, Tree};
+use super::wide::{LEAF_MAX, SLOTS_MAX};
+use crate::simd::f4::F4;
+use crate::tree::{self, Kind, Tree};
 use alloc::vec::Vec;
 
 /// Price of visiting a wide node.
-const VISIT: f32 = 1.0;
+pub(super) const VISIT: f32 = 1.0;
 /// Price of testing a leaf's block.
-const BLOCK: f32 = 1.0;
+pub(super) const BLOCK: f32 = 1.0;
 
 /// A node below a plan: one that the plan covers, or one where it ends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -34,185 +37,357 @@ pub(super) enum Below {
     Tree(u32),
 }
 
-/// An inner node of the tree, and what is best for it.
+/// [`Below`] in a word: bit 31 is set for a planned node. Trees that are lowered have fewer than
+/// 2^31 nodes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Planned<const W: usize> {
-    /// Index in the tree.
-    pub(super) node: u32,
-    pub(super) below: [Below; 2],
-    /// Whether it is a leaf if it gets one slot.
-    pub(super) leaf: bool,
-    /// Bit `j - 1`: with `j` slots, one is best.
-    single: u16,
-    /// With up to `j` slots: how many to use, and how many of them the left child gets. At `j - 1`,
-    /// both less one, four bits each.
-    shares: [u8; W],
+struct BelowWord(u32);
+
+const PLANNED: u32 = 1 << 31;
+
+impl From<Below> for BelowWord {
+    fn from(below: Below) -> Self {
+        match below {
+            Below::Planned(index) => Self(PLANNED | index),
+            Below::Tree(node) => Self(node),
+        }
+    }
 }
 
-/// What it costs to spend up to `j` slots on a subtree, at `j - 1`, and what is in it.
+impl BelowWord {
+    #[inline(always)]
+    fn decode(self) -> Below {
+        if self.0 & PLANNED == 0 { Below::Tree(self.0) } else { Below::Planned(self.0 ^ PLANNED) }
+    }
+}
+
+/// An inner node of the tree, and what is best for it.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Cost<const W: usize> {
-    by_slots: [f32; W],
+pub(super) struct Planned {
+    /// Index in the tree.
+    pub(super) node: u32,
+    below: [BelowWord; 2],
+    /// Where the plan's `ways` say which numbers of slots it is better to give 2 of to the child
+    /// with fewer leaves than 1; 3 than 2 is next.
+    ways: u32,
+    /// Bit `j - 1`: with `j` slots, one is best.
+    single: u16,
+    /// How many slots for the child with fewer leaves were tried.
+    tried: u8,
+    /// Whether that child is the right one.
+    right_is_small: bool,
+    /// Whether it is a leaf if it gets one slot.
+    pub(super) leaf: bool,
+}
+
+/// What it costs to spend up to `j` slots on a subtree, and what is in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cost {
+    /// With `j` slots at `SLOTS_MAX + j - 1`; infinite before that, so that shifted vectors can be
+    /// read.
+    by_slots: [f32; 2 * SLOTS_MAX],
     /// Leaves of the tree below, at most `W`: more slots are of no use.
     leaves: usize,
     /// Entries below, at most `LEAF_MAX + 1`.
     entries: usize,
-    /// Whether all entries are triangles, whether all are instances.
-    kinds: [bool; 2],
+    /// Bit 0: there are triangles; bit 1: there are instances.
+    kinds: u8,
 }
 
 /// Decisions for the upper part of a subtree.
 #[derive(Clone, Debug)]
 pub(super) struct Plan<const W: usize> {
     /// Parents before children; the root first.
-    pub(super) nodes: Vec<Planned<W>>,
+    pub(super) nodes: Vec<Planned>,
+    /// Bit `j - 1`, see [`Planned::ways`].
+    ways: Vec<u16>,
     /// Of the root.
-    pub(super) cost: Cost<W>,
+    pub(super) cost: Cost,
+    /// Triangles and instances in the leaves where the plan ends.
+    pub(super) entries: [usize; 2],
+}
+
+/// A tree, and how its leaves are priced.
+#[derive(Clone, Copy)]
+pub(super) struct Priced<'a> {
+    pub(super) tree: &'a Tree,
+    /// Primitives from here on are instances.
+    pub(super) first_instance: u32,
+    /// Multiplied to areas, so that they neither overflow nor vanish in f32.
+    pub(super) scale: f64,
+}
+
+impl Priced<'_> {
+    #[inline(always)]
+    pub(super) fn area(&self, node: &tree::Node) -> f32 {
+        (node.bounds.half_area() * self.scale) as f32
+    }
 }
 
 impl<const W: usize> Plan<W> {
-    /// Plans the subtree of the inner node `root` down to the nodes for which `ends` knows a cost.
-    ///
-    /// `scale` is multiplied to areas, so that they neither overflow nor vanish in f32.
-    pub(super) fn new(
-        tree: &Tree,
+    /// Plans the subtree of `root` down to its leaves, or to nodes for which `ends` knows a cost.
+    #[inline(always)]
+    pub(super) fn new<'a>(
+        priced: &Priced<'_>,
         root: u32,
-        scale: f64,
-        ends: impl Fn(u32) -> Option<Cost<W>>,
+        ends: impl Fn(u32) -> Option<&'a Cost>,
     ) -> Self {
-        // List the inner nodes, parents first.
-        let mut nodes: Vec<Planned<W>> = Vec::new();
-        let mut open = alloc::vec![(root, None)];
-        while let Some((node, parent)) = open.pop() {
-            let end = match tree.nodes[node as usize].kind() {
-                Kind::Inner { left } if ends(node).is_none() => left as u32,
-                _ => continue,
-            };
-            if let Some((parent, side)) = parent {
-                let here = Below::Planned(nodes.len() as u32);
-                let parent: &mut Planned<W> = &mut nodes[parent as usize];
-                parent.below[side as usize] = here;
-            }
-            let here = nodes.len() as u32;
-            nodes.push(Planned {
-                node,
-                below: [Below::Tree(end), Below::Tree(end + 1)],
-                leaf: false,
-                single: 0,
-                shares: [0; W],
-            });
-            open.push((end + 1, Some((here, 1_u8))));
-            open.push((end, Some((here, 0))));
-        }
+        const { assert!(W.is_multiple_of(4) && W <= SLOTS_MAX) }
+        let mut plan =
+            Self { nodes: Vec::new(), ways: Vec::new(), cost: Cost::NOTHING, entries: [0; 2] };
+        plan.list(priced.tree, root, &ends);
 
-        // Decide, children first.
-        let mut costs: Vec<Cost<W>> = alloc::vec![Cost::NOTHING; nodes.len()];
-        for at in (0..nodes.len()).rev() {
-            let cost = |below: Below| match below {
-                Below::Planned(below) => costs[below as usize],
-                Below::Tree(node) => ends(node).unwrap_or(Cost::NOTHING),
-            };
-            let [left, right] = nodes[at].below.map(cost);
-            let area = (tree.nodes[nodes[at].node as usize].bounds.half_area() * scale) as f32;
-            costs[at] = nodes[at].decide(area, &left, &right);
+        // Decide, children first: in this order the costs of children are on top of the stack, the
+        // nearer one's uppermost. Costs stay where they are; leaves have places of their own.
+        let mut stack = Stack::default();
+        let mut leaves = [Cost::NOTHING; 2];
+        for at in (0..plan.nodes.len()).rev() {
+            let node = &priced.tree.nodes[plan.nodes[at].node as usize];
+            let mut below = [BelowWord(0); 2];
+            let mut popped = [None; 2];
+            for child in near_first(priced.tree, node.first) {
+                let side = (child - node.first) as usize;
+                below[side] = Below::Tree(child).into();
+                if let Some(cost) = ends(child) {
+                    leaves[side] = *cost;
+                } else if priced.tree.nodes[child as usize].count > 0 {
+                    plan.leaf(priced, child, &mut leaves[side]);
+                } else {
+                    popped[side] = stack.pop();
+                    below[side] = stack.root(popped[side]).into();
+                }
+            }
+            let planned = &mut plan.nodes[at];
+            planned.below = below;
+            let cost =
+                |side: usize| popped[side].map_or(&leaves[side], |at: usize| &stack.costs[at]);
+            let decided = planned.decide::<W>(priced.area(node), cost(0), cost(1), &mut plan.ways);
+            stack.push::<W>(at as u32, &decided);
         }
-        let cost = costs.first().copied().unwrap_or(Cost::NOTHING);
-        Self { nodes, cost }
+        match stack.pop() {
+            Some(at) => plan.cost = stack.costs[at],
+            None => {
+                plan.leaf(priced, root, &mut leaves[0]);
+                plan.cost = leaves[0];
+            }
+        }
+        plan
+    }
+
+    /// Lists the inner nodes, parents first, siblings in the order in which what is below them lies in
+    /// memory: to wait for every node would take longer than all the rest.
+    #[inline(always)]
+    fn list<'a>(&mut self, tree: &Tree, root: u32, ends: &impl Fn(u32) -> Option<&'a Cost>) {
+        let is_inner = |node: u32| ends(node).is_none() && tree.nodes[node as usize].count == 0;
+        let mut open = Vec::new();
+        if is_inner(root) {
+            open.push(root);
+        }
+        while let Some(node) = open.pop() {
+            self.nodes.push(Planned::new(node));
+            let [near, far] = near_first(tree, tree.nodes[node as usize].first);
+            if is_inner(far) {
+                open.push(far);
+            }
+            if is_inner(near) {
+                open.push(near);
+            }
+        }
+    }
+
+    /// Counts and prices a leaf of the tree.
+    #[inline(always)]
+    fn leaf(&mut self, priced: &Priced<'_>, node: u32, cost: &mut Cost) {
+        let node = &priced.tree.nodes[node as usize];
+        let Kind::Leaf { first, count } = node.kind() else { return };
+        let is_instance = priced.first_instance < u32::MAX
+            && priced.tree.prims.get(first).is_some_and(|&prim| prim >= priced.first_instance);
+        self.entries[usize::from(is_instance)] += count;
+        cost.by_slots[SLOTS_MAX..].fill(priced.area(node) * BLOCK);
+        cost.leaves = 1;
+        cost.entries = count.min(LEAF_MAX + 1);
+        cost.kinds = 1 << u8::from(is_instance);
     }
 
     /// What stands in the slots of a wide node that are spent on the planned node `at`: its parts, if
     /// `opened` or if that is best, with the slots that each was given; or the node itself.
-    pub(super) fn spend(
-        &self,
-        at: u32,
-        slots: usize,
-        opened: bool,
-        out: &mut Vec<(Below, usize)>,
-        pending: &mut Vec<(Below, usize, bool)>,
-    ) {
-        pending.push((Below::Planned(at), slots, opened));
-        while let Some((below, slots, opened)) = pending.pop() {
-            match below {
-                Below::Planned(index) => {
-                    let planned = &self.nodes[index as usize];
-                    if !opened && planned.single >> (slots - 1) & 1 == 1 {
-                        out.push((below, slots));
-                        continue;
-                    }
-                    let shares = usize::from(planned.shares[slots - 1]);
-                    let (used, left) = ((shares >> 4) + 1, (shares & 15) + 1);
-                    pending.push((planned.below[1], used - left, false));
-                    pending.push((planned.below[0], left, false));
-                }
-                Below::Tree(_) => out.push((below, slots)),
+    #[inline]
+    pub(super) fn spend(&self, at: u32, slots: usize, opened: bool, out: &mut Vec<(Below, usize)>) {
+        let mut pending = [(Below::Tree(0), 0); SLOTS_MAX];
+        let mut len = 0;
+        let mut next = (Below::Planned(at), slots);
+        let mut opened = opened;
+        loop {
+            let (below, slots) = next;
+            if let Below::Planned(index) = below
+                && let planned = &self.nodes[index as usize]
+                && (opened || planned.single >> (slots - 1) & 1 == 0)
+            {
+                // Every node that waits has a slot at least, so no more than `W` wait.
+                let left = self.left_share(planned, slots);
+                pending[len] = (planned.below[1].decode(), slots - left);
+                len += 1;
+                next = (planned.below[0].decode(), left);
+                opened = false;
+                continue;
             }
+            out.push(next);
+            if len == 0 {
+                return;
+            }
+            len -= 1;
+            next = pending[len];
         }
     }
-}
 
-impl<const W: usize> Cost<W> {
-    const NOTHING: Self = Self { by_slots: [0.0; W], leaves: 1, entries: 0, kinds: [true, true] };
-
-    /// Of a leaf of the tree.
-    pub(super) fn leaf(area: f32, entries: usize, kinds: [bool; 2]) -> Self {
-        Self { by_slots: [area * BLOCK; W], leaves: 1, entries: entries.min(LEAF_MAX + 1), kinds }
+    /// How many of `slots` the left child gets.
+    #[inline(always)]
+    fn left_share(&self, planned: &Planned, slots: usize) -> usize {
+        let mut small = usize::from(planned.tried);
+        while small > 1 && self.ways[planned.ways as usize + small - 2] >> (slots - 1) & 1 == 0 {
+            small -= 1;
+        }
+        if planned.right_is_small { slots - small } else { small }
     }
 }
 
-impl<const W: usize> Cost<W> {
+/// Two siblings, first the one whose children come first in memory, if both are inner nodes.
+#[inline(always)]
+fn near_first(tree: &Tree, left: u32) -> [u32; 2] {
+    let at = left as usize;
+    let right_is_near = tree.nodes[at + 1].first < tree.nodes[at].first;
+    if right_is_near { [left + 1, left] } else { [left, left + 1] }
+}
+
+impl Cost {
+    const NOTHING: Self =
+        Self { by_slots: [f32::INFINITY; 2 * SLOTS_MAX], leaves: 1, entries: 0, kinds: 0 };
+
     /// The same for whoever must not make a leaf of it.
     pub(super) fn opaque(self) -> Self {
         Self { entries: LEAF_MAX + 1, ..self }
     }
+
+    /// With one slot.
+    #[cfg(test)]
+    pub(super) fn single(&self) -> f32 {
+        self.by_slots[SLOTS_MAX]
+    }
+
+    /// With `slots + j` slots for `j` of `4 at ..`; infinite where that is none.
+    #[inline(always)]
+    fn shifted(&self, at: usize, slots: usize) -> F4 {
+        let start = SLOTS_MAX + 4 * at - slots;
+        let four = self.by_slots.get(start..start + 4).and_then(<[f32]>::first_chunk);
+        let [a, b, c, d] = *four.unwrap_or(&[f32::INFINITY; 4]);
+        F4::new(a, b, c, d)
+    }
 }
 
-impl<const W: usize> Planned<W> {
-    /// Decides for every number of slots, given the costs of the two children.
-    fn decide(&mut self, area: f32, left: &Cost<W>, right: &Cost<W>) -> Cost<W> {
-        const { assert!(2 <= W && W <= 16) }
-        let leaves = (left.leaves + right.leaves).min(W);
-        let entries = (left.entries + right.entries).min(LEAF_MAX + 1);
-        let kinds = [left.kinds[0] && right.kinds[0], left.kinds[1] && right.kinds[1]];
+impl Planned {
+    fn new(node: u32) -> Self {
+        let below = [BelowWord(0); 2];
+        Self { node, below, ways: 0, single: 0, tried: 1, right_is_small: false, leaf: false }
+    }
 
-        // The best way to share exactly `slots`, then at most `slots`; at index `slots - 1`.
-        let mut shared = [f32::INFINITY; W];
-        let most_left = left.leaves.min(W - 1);
-        let most_right = right.leaves.min(W - 1);
-        let mut ways = [0_u8; W];
-        for to_left in 1..=most_left {
-            let of_left = left.by_slots[to_left - 1];
-            for to_right in 1..=most_right.min(W - to_left) {
-                let slots = to_left + to_right;
-                let cost = of_left + right.by_slots[to_right - 1];
-                if cost < shared[slots - 1] {
-                    shared[slots - 1] = cost;
-                    ways[slots - 1] = ((slots - 1) << 4 | (to_left - 1)) as u8;
-                }
-            }
+    /// Decides for every number of slots, given the costs of the two children.
+    #[inline(always)]
+    fn decide<const W: usize>(
+        &mut self,
+        area: f32,
+        left: &Cost,
+        right: &Cost,
+        ways: &mut Vec<u16>,
+    ) -> Decided {
+        self.right_is_small = right.leaves < left.leaves;
+        let (small, large) = if self.right_is_small { (right, left) } else { (left, right) };
+        let tried = small.leaves.min(W - 1);
+        self.tried = tried as u8;
+        self.ways = ways.len() as u32;
+
+        // The best way to share `j` slots, all `j` at once: one for the child with fewer leaves,
+        // two, and so on. A child does not cost more with slots that it does not use.
+        let mut shared = [F4::splat(f32::INFINITY); SLOTS_MAX / 4];
+        let one = F4::splat(small.by_slots[SLOTS_MAX]);
+        for at in 0..W / 4 {
+            shared[at] = one.add(large.shifted(at, 1));
         }
-        for slots in 3..=W {
-            if shared[slots - 2] <= shared[slots - 1] {
-                shared[slots - 1] = shared[slots - 2];
-                ways[slots - 1] = ways[slots - 2];
+        for slots in 2..=tried {
+            let of_small = F4::splat(small.by_slots[SLOTS_MAX + slots - 1]);
+            let mut better = 0;
+            for at in 0..W / 4 {
+                let cost = of_small.add(large.shifted(at, slots));
+                better |= cost.less_bits(shared[at]) << (4 * at);
+                shared[at] = cost.min(shared[at]);
             }
+            ways.push(better as u16);
         }
 
         // One slot: a leaf or a node.
-        let fits = entries <= LEAF_MAX && (kinds[0] || kinds[1]);
+        let entries = (left.entries + right.entries).min(LEAF_MAX + 1);
+        let kinds = left.kinds | right.kinds;
+        let fits = entries <= LEAF_MAX && kinds != 3;
         let as_leaf = if fits { area * BLOCK } else { f32::INFINITY };
-        let as_node = area * VISIT + shared[W - 1];
+        let as_node = area * VISIT + shared[W / 4 - 1].to_array()[3];
         self.leaf = as_leaf <= as_node;
-        let single = if self.leaf { as_leaf } else { as_node };
-        let mut by_slots = [single; W];
-        self.single = 1;
-        for slots in 2..=W {
-            if single <= shared[slots - 1] {
-                self.single |= 1 << (slots - 1);
-            } else {
-                by_slots[slots - 1] = shared[slots - 1];
-            }
+        let single = F4::splat(if self.leaf { as_leaf } else { as_node });
+        let mut opened = 0;
+        for at in 0..W / 4 {
+            opened |= shared[at].less_bits(single) << (4 * at);
+            shared[at] = shared[at].min(single);
         }
-        self.shares = ways;
-        Cost { by_slots, leaves, entries, kinds }
+        self.single = !(opened as u16);
+        let leaves = (left.leaves + right.leaves).min(W);
+        Decided { by_slots: shared, leaves, entries, kinds }
     }
 }
+
+/// What [`Planned::decide`] finds out about a subtree: a [`Cost`] in registers.
+struct Decided {
+    by_slots: [F4; SLOTS_MAX / 4],
+    leaves: usize,
+    entries: usize,
+    kinds: u8,
+}
+
+/// Costs of the planned nodes whose parents are not decided yet.
+#[derive(Default)]
+struct Stack {
+    /// Beyond `len`, what was there before.
+    costs: Vec<Cost>,
+    /// Which planned node each belongs to.
+    roots: Vec<u32>,
+    len: usize,
+}
+
+impl Stack {
+    #[inline(always)]
+    fn push<const W: usize>(&mut self, root: u32, decided: &Decided) {
+        if self.len == self.costs.len() {
+            self.costs.push(Cost::NOTHING);
+            self.roots.push(0);
+        }
+        let cost = &mut self.costs[self.len];
+        for at in 0..W / 4 {
+            let start = SLOTS_MAX + 4 * at;
+            cost.by_slots[start..start + 4].copy_from_slice(&decided.by_slots[at].to_array());
+        }
+        (cost.leaves, cost.entries, cost.kinds) = (decided.leaves, decided.entries, decided.kinds);
+        self.roots[self.len] = root;
+        self.len += 1;
+    }
+
+    /// Where the uppermost cost is, until the next is pushed.
+    #[inline(always)]
+    fn pop(&mut self) -> Option<usize> {
+        self.len = self.len.checked_sub(1)?;
+        Some(self.len)
+    }
+
+    #[inline(always)]
+    fn root(&self, popped: Option<usize>) -> Below {
+        popped.map_or(Below::Tree(0), |at| Below::Planned(self.roots[at]))
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -2,7 +2,9 @@
 
 pub(crate) mod collapse;
 pub(crate) mod lower;
+mod select;
 pub mod wide;
+mod write;
 
 use crate::build::Info;
 

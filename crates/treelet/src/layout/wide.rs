@@ -39,6 +39,9 @@ pub const INFO_16: Info = Info {
     source: "Dammertz, Hanika, Keller 2008",
 };
 
+/// Slots of the widest node.
+pub(super) const SLOTS_MAX: usize = 16;
+
 /// Entries of the fullest leaf.
 pub const LEAF_MAX: usize = 4;
 

@@ -79,21 +79,17 @@ fn finish(
         id = next.ok_or(BuildError::TooManyPrims { prims: u64::from(id) + count as u64 })?;
     }
 
-    let triangle = |at: u32| {
-        let (geom, prim) = prims.names[at as usize];
-        let corners = geometries[geom as usize].mesh.corners(prim as usize);
-        // Only triangles without a defect have a name here.
-        Packed { corners: corners.unwrap_or_default(), id: first_ids[geom as usize] + prim }
-    };
+    let source = Source { geometries: &geometries, first_ids: &first_ids, names: &prims.names };
+    let source = |prims: &[u32], packed: &mut [Packed]| source.fetch(prims, packed);
     let triangles = prims.names.len();
     let cancel = &options.context.cancel;
     let (layout, order) = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
         LayoutChoice::Wide8 => {
-            let lowered = lower::<8>(tree, &prims.bounds, triangles, &triangle, cancel)?;
+            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, cancel)?;
             (Layout::Wide8(lowered.wide), lowered.instances)
         }
         LayoutChoice::Wide16 => {
-            let lowered = lower::<16>(tree, &prims.bounds, triangles, &triangle, cancel)?;
+            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
             (Layout::Wide16(lowered.wide), lowered.instances)
         }
     };
@@ -122,6 +118,62 @@ fn finish(
         slack,
         paths,
     })
+}
+
+/// Where the triangles of leaves come from.
+struct Source<'a> {
+    geometries: &'a [Geometry],
+    first_ids: &'a [u32],
+    /// `(geom, prim)`. Only triangles without a defect have a name.
+    names: &'a [(u32, u32)],
+}
+
+/// Triangles that are fetched together.
+const FETCH: usize = 64;
+
+impl Source<'_> {
+    /// All numbers of vertices first, then all vertices: loads that do not wait for each other, so
+    /// that many cache misses are on their way at once.
+    fn fetch(&self, prims: &[u32], packed: &mut [Packed]) {
+        let one = match self.geometries {
+            // Where nothing was skipped, names are the numbers themselves.
+            [one] if one.mesh.triangles().len() == self.names.len() => Some(one),
+            _ => None,
+        };
+        for (prims, packed) in prims.chunks(FETCH).zip(packed.chunks_mut(FETCH)) {
+            match one {
+                Some(one) => fetch_of(&one.mesh, prims, packed),
+                None => self.fetch_named(prims, packed),
+            }
+        }
+    }
+
+    fn fetch_named(&self, prims: &[u32], packed: &mut [Packed]) {
+        let mut names = [(0, 0); FETCH];
+        for (&at, name) in prims.iter().zip(&mut names) {
+            *name = self.names[at as usize];
+        }
+        for (&(geom, prim), packed) in names.iter().zip(packed) {
+            let corners = self.geometries[geom as usize].mesh.corners(prim as usize);
+            *packed = Packed {
+                corners: corners.unwrap_or_default(),
+                id: self.first_ids[geom as usize] + prim,
+            };
+        }
+    }
+}
+
+/// Triangles of one mesh, whose ids are their numbers.
+fn fetch_of(mesh: &Mesh, prims: &[u32], packed: &mut [Packed]) {
+    let (positions, triangles) = (mesh.positions(), mesh.triangles());
+    let mut corners = [[0_u32; 3]; FETCH];
+    for (&prim, corners) in prims.iter().zip(&mut corners) {
+        *corners = triangles[prim as usize];
+    }
+    for ((&[a, b, c], &id), packed) in corners.iter().zip(prims).zip(packed) {
+        let corner = |at: u32| positions.get(at as usize).copied().unwrap_or_default();
+        *packed = Packed { corners: [corner(a), corner(b), corner(c)], id };
+    }
 }
 
 /// A few boxes of the tree that together contain everything: the largest is opened, again and
