@@ -23,7 +23,7 @@
 
 use crate::bounds::Aabb;
 use crate::build::Info;
-use crate::memory::{Pages, Zeroed};
+use crate::memory::{Pages, zeroed};
 
 /// The catalogue's entry for 8 children.
 pub const INFO_8: Info = Info {
@@ -154,9 +154,8 @@ impl Child {
     }
 }
 
-// SAFETY: a node is floats and integers.
-#[allow(unsafe_code, reason = "a promise to `memory`: zero is a valid node")]
-unsafe impl<const W: usize> Zeroed for Node<W> {}
+zeroed! { Child []: u32 }
+zeroed! { Node<W> [const W: usize]: [[[f32; W]; 2]; 3], [Child; W] }
 
 /// A tree of wide nodes, and the triangles of its leaves.
 #[derive(Debug)]

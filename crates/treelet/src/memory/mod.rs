@@ -4,7 +4,7 @@
 mod pages;
 mod stack;
 
-pub(crate) use pages::{Pages, Zeroed};
+pub(crate) use pages::{Pages, Zeroed, zeroed};
 pub(crate) use stack::{Room, Stack};
 
 use alloc::sync::Arc;

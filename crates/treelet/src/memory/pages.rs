@@ -27,6 +27,24 @@ const HUGE: usize = 2 << 20;
 /// Every bit pattern that is zero throughout is a valid value of the type.
 pub(crate) unsafe trait Zeroed: Copy + Send + Sync {}
 
+// SAFETY: if zero is an item, as many zeroes are that many items.
+unsafe impl<T: Zeroed, const N: usize> Zeroed for [T; N] {}
+
+/// Makes a type [`Zeroed`] whose fields, all of them to be listed, are. Checked: that the listed ones
+/// are `Zeroed`. `zeroed! { Type<N> [const N: usize]: FieldOne, FieldTwo }`
+macro_rules! zeroed {
+    ($type:ty [$($generics:tt)*]: $($field:ty),+) => {
+        #[allow(unsafe_code, reason = "written in `memory`, for a type that it must not know")]
+        // SAFETY: zero is a value of every field, which the bound asks for.
+        unsafe impl<$($generics)*> $crate::memory::Zeroed for $type
+        where
+            $($field: $crate::memory::Zeroed),+
+        {
+        }
+    };
+}
+pub(crate) use zeroed;
+
 // SAFETY: zero is a number of each of them.
 unsafe impl Zeroed for u32 {}
 // SAFETY: as above.
