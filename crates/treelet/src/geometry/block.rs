@@ -1,9 +1,9 @@
 //! Up to four triangles against a ray at once: the test of [`super::triangle`], step by step, a
 //! triangle a lane. The same bits as there; `tests/matrix.rs` holds them against each other.
 //!
-//! Two stages. The f32 edge functions of all lanes reject most leaves that the ray misses. For the
-//! others, exact signs, weights and `t` are computed in f64, again of all lanes: a division in four
-//! lanes takes as long as one.
+//! Exact signs, weights and `t` are computed in f64, of all lanes: a division in four lanes takes as
+//! long as one. Where vectors hold fewer than four f64, f32 edge functions come first, and reject
+//! most leaves that the ray misses.
 
 use super::triangle::TriangleRay;
 use crate::bounds::{Interval, SlabRay};
@@ -77,15 +77,20 @@ fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
     };
     let (a, b, c) = (sheared(0), sheared(1), sheared(2));
 
-    // Strictly mixed signs are certain even in f32.
-    let zero = splat(0.0);
-    let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
-    let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
-    let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
-    let mixed = (u.lt(zero) | v.lt(zero) | w.lt(zero)) & (zero.lt(u) | zero.lt(v) | zero.lt(w));
-    let mask = !mixed & ((1 << count) - 1);
-    if mask == 0 {
-        return BlockHits::NONE;
+    // Strictly mixed signs are certain even in f32: worth asking first where f64 takes twice the
+    // instructions (where it does not, most leaves that are reached are hit, and this cost 3 to 6 %).
+    let mut mask = (1 << count) - 1;
+    if !S::WIDE_DOUBLES {
+        let zero = splat(0.0);
+        let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
+        let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
+        let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
+        let negative = u.lt(zero) | v.lt(zero) | w.lt(zero);
+        let positive = zero.lt(u) | zero.lt(v) | zero.lt(w);
+        mask &= !(negative & positive);
+        if mask == 0 {
+            return BlockHits::NONE;
+        }
     }
 
     // Exact signs, then weights and `t`.
@@ -100,7 +105,7 @@ fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
     let infinite = S::D4::splat(simd, f64::INFINITY);
     let sized = (zero.lt(det) & det.lt(infinite))
         | (det.lt(zero) & S::D4::splat(simd, f64::NEG_INFINITY).lt(det));
-    let mask = mask & !mixed & sized;
+    mask &= !mixed & sized;
     if mask == 0 {
         return BlockHits::NONE;
     }

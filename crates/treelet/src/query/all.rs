@@ -2,6 +2,7 @@
 
 use super::ask_simply;
 use crate::geometry::Hit;
+use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
@@ -14,7 +15,7 @@ struct All<'a> {
 }
 
 impl<'a> Visitor<'a> for All<'_> {
-    const NEAREST_FIRST: bool = false;
+    type Pending = Child;
 
     fn t_max(&self) -> f32 {
         self.t_max

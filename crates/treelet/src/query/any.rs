@@ -1,6 +1,7 @@
 //! Whether there is a hit at all.
 
 use super::{ask, ask_simply};
+use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::Counters;
 use crate::trace::structure::Structure;
@@ -13,7 +14,7 @@ struct Any {
 }
 
 impl<'a> Visitor<'a> for Any {
-    const NEAREST_FIRST: bool = false;
+    type Pending = Child;
 
     #[inline(always)]
     fn t_max(&self) -> f32 {

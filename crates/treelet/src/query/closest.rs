@@ -5,7 +5,7 @@ use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::trace::Counters;
 use crate::trace::structure::Structure;
-use crate::trace::walk::{Found, Visitor};
+use crate::trace::walk::{ByEntry, Found, Visitor};
 use core::ops::ControlFlow;
 
 /// The answer so far: a miss at the ray's end.
@@ -15,7 +15,7 @@ struct Closest<'a> {
 }
 
 impl<'a> Visitor<'a> for Closest<'a> {
-    const NEAREST_FIRST: bool = true;
+    type Pending = ByEntry;
 
     #[inline(always)]
     fn t_max(&self) -> f32 {

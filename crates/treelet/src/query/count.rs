@@ -1,6 +1,7 @@
 //! How many hits there are along the ray.
 
 use super::ask_simply;
+use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
@@ -13,7 +14,7 @@ struct Counting {
 }
 
 impl<'a> Visitor<'a> for Counting {
-    const NEAREST_FIRST: bool = false;
+    type Pending = Child;
 
     fn t_max(&self) -> f32 {
         self.t_max

@@ -41,6 +41,9 @@ impl Simd for Avx2 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
 
+    const WIDE_DOUBLES: bool = true;
+    const COMPRESSES: bool = false;
+
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
         compress_by_bits(mask, items)

@@ -39,6 +39,9 @@ impl Simd for Avx512 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
 
+    const WIDE_DOUBLES: bool = true;
+    const COMPRESSES: bool = true;
+
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
         const { assert!(W == 8 || W == 16) }

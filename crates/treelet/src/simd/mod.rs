@@ -118,12 +118,18 @@ pub(crate) trait Simd: Copy {
     /// 4 lanes of f64.
     type D4: Doubles<Token = Self, Narrow = Self::F4>;
 
+    /// Whether four f64 are one vector.
+    const WIDE_DOUBLES: bool;
+
     /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
     /// that loop its registers.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;
 
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);
+
+    /// Whether `compress` is an instruction.
+    const COMPRESSES: bool;
 
     /// The items whose bits are set in `mask`, in order, then others.
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];

@@ -39,6 +39,9 @@ impl Simd for Sse42 {
         unsafe { _mm_prefetch::<_MM_HINT_T0>(address.cast()) }
     }
 
+    const WIDE_DOUBLES: bool = false;
+    const COMPRESSES: bool = false;
+
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
         compress_by_bits(mask, items)

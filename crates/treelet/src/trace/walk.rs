@@ -23,9 +23,9 @@ use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
 pub(crate) trait Visitor<'a> {
-    /// Whether finding near hits early saves work. If not, large boxes come first: they are the
-    /// likeliest to hold any hit.
-    const NEAREST_FIRST: bool;
+    /// What the walk's stack holds: [`ByEntry`] where finding near hits early saves work. With
+    /// [`Child`], large boxes come first: they are the likeliest to hold any hit.
+    type Pending: Pending + Order;
 
     /// The greatest `t` that still matters; hits at this very `t` do.
     fn t_max(&self) -> f32;
@@ -62,16 +62,43 @@ const STACK_NEAR: usize = 128;
 /// Saved levels that need no allocation.
 const FRAMES_NEAR: usize = 2;
 
-/// A child to be visited later, below the distance at which the ray enters it: sorted by distance as
-/// integers are. (Negative distances, which need a negative `t_min`, sort wrongly among each other:
-/// that costs time, never answers.)
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Pending(u64);
+/// A child to be visited later.
+pub(crate) trait Pending: Copy {
+    /// The child, and the bits of the distance at which the ray enters its box.
+    fn new(child: Child, entry: u32) -> Self;
+    /// What to visit.
+    fn child(self) -> Child;
+    /// Whether nothing in it can be at `t_max` or nearer.
+    fn is_beyond(self, t_max: f32) -> bool;
+}
 
-impl Pending {
+/// For walks that stop at any hit: the child alone.
+impl Pending for Child {
     #[inline(always)]
-    fn new(child: u32, entry: u32) -> Self {
-        Self(u64::from(entry) << 32 | u64::from(child))
+    fn new(child: Child, _: u32) -> Self {
+        child
+    }
+
+    #[inline(always)]
+    fn child(self) -> Child {
+        self
+    }
+
+    #[inline(always)]
+    fn is_beyond(self, _: f32) -> bool {
+        false
+    }
+}
+
+/// The child below the distance: sorted by distance as integers are. (Negative distances, which need
+/// a negative `t_min`, sort wrongly among each other: that costs time, never answers.)
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct ByEntry(u64);
+
+impl Pending for ByEntry {
+    #[inline(always)]
+    fn new(child: Child, entry: u32) -> Self {
+        Self(u64::from(entry) << 32 | u64::from(child.0))
     }
 
     #[inline(always)]
@@ -80,8 +107,8 @@ impl Pending {
     }
 
     #[inline(always)]
-    fn entry(self) -> f32 {
-        f32::from_bits((self.0 >> 32) as u32)
+    fn is_beyond(self, t_max: f32) -> bool {
+        f32::from_bits((self.0 >> 32) as u32) > t_max
     }
 }
 
@@ -162,7 +189,7 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 ) where
     S: Wide<W>,
     Layout: Get<W>,
-    for<'d, 's> Descent<'d, 's, V, C, W>: Kernel<Output = Child>,
+    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
@@ -171,7 +198,7 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
-    let mut stack = Room::<Pending, STACK_NEAR>::new();
+    let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
     let mut next = wide.root;
     loop {
@@ -233,7 +260,7 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
                     next = pop(visitor, &mut stack, counters);
                 }
                 Opened::One(inner) => {
-                    stack.push(Pending::new(Child::END.0, f32::NEG_INFINITY.to_bits()));
+                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
                     frames.push(frame);
                     next = inner.wide.root;
                     frame = inner;
@@ -245,19 +272,19 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 }
 
 /// The way from a node to the next leaf.
-struct Descent<'d, 's, V, C, const W: usize> {
+pub(crate) struct Descent<'d, 's, P, V, C, const W: usize> {
     nodes: &'d [Node<W>],
     slab: &'d SlabRay,
     t_min: f32,
     visitor: &'d V,
-    stack: &'d mut Stack<'s, Pending, STACK_NEAR>,
+    stack: &'d mut Stack<'s, P, STACK_NEAR>,
     counters: &'d mut C,
     next: Child,
 }
 
 macro_rules! descents {
     ($($width:literal)*) => {
-        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Descent<'_, '_, V, C, $width> {
+        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Descent<'_, '_, V::Pending, V, C, $width> {
             type Output = Child;
 
             #[inline(always)]
@@ -275,10 +302,8 @@ macro_rules! descents {
                     }
                     next = if mask == 0 {
                         pop(visitor, stack, counters)
-                    } else if V::NEAREST_FIRST {
-                        nearest_first::<S, $width>(simd, node, mask, entry, stack)
                     } else {
-                        largest_first::<S, $width>(simd, node, mask, stack)
+                        V::Pending::spread::<S, $width>(simd, node, mask, entry, stack)
                     };
                 }
                 next
@@ -290,9 +315,9 @@ macro_rules! descents {
 descents! { 8 16 }
 
 /// What a leaf of instances makes of the walk.
-enum Opened<'a, const W: usize> {
+enum Opened<'a, P, const W: usize> {
     /// Leaves of one each, to be stacked.
-    Several([Pending; LEAF_MAX], usize),
+    Several([P; LEAF_MAX], usize),
     /// The level inside.
     One(Frame<'a, W>),
 }
@@ -307,12 +332,12 @@ fn open_instances<'a, S: Simd, V: Visitor<'a>, C: Count, const W: usize>(
     ray: &Ray,
     visitor: &V,
     counters: &mut C,
-) -> Opened<'a, W>
+) -> Opened<'a, V::Pending, W>
 where
     Layout: Get<W>,
 {
     let at = first - frame.wide.triangles;
-    let mut several = [Pending(0); LEAF_MAX];
+    let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
     let mut len = 0;
     if count == 1 {
         if let Some(inner) = enter(simd, frame, at, ray, visitor) {
@@ -334,56 +359,124 @@ where
             counters.t_culls(1);
         } else if let Some(place) = several.get_mut(len) {
             let child = Child::leaf(frame.wide.triangles + at, 1);
-            *place = Pending::new(child.0, inside.entry.to_bits());
+            *place = Pending::new(child, inside.entry.to_bits());
             len += 1;
         }
     }
     Opened::Several(several, len)
 }
 
-/// Stacks the children of the mask so that nearer ones come first; returns the nearest.
-#[inline(always)]
-fn nearest_first<S: Wide<W>, const W: usize>(
-    simd: S,
-    node: &Node<W>,
-    mask: u32,
-    entry: S::F,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
-) -> Child {
-    // Most nodes have one child that is met: no sorting, no distances.
-    if mask & (mask - 1) == 0 {
-        return node.children[mask.trailing_zeros() as usize % W];
-    }
-    let children = simd.compress(mask, &words(&node.children));
-    let entries = simd.compress(mask, &bits(entry.lanes()));
-    let key = |i: usize| Pending::new(children[i % W], entries[i % W]);
-    let (mut nearest, farther) = ordered(key(0), key(1));
-    let count = mask.count_ones() as usize;
-    if count == 2 {
-        stack.push_near(farther);
-        return nearest.child();
-    }
-    if count == 3 {
-        let (near, far) = ordered(nearest, key(2));
-        let (far, farthest) = ordered(farther, far);
-        stack.push_near(farthest);
-        stack.push_near(far);
-        return near.child();
-    }
-    // Rarely more: insertion, the farthest first.
-    let mut sorted = [farther; W];
-    for i in 2..count {
-        let (near, far) = ordered(nearest, key(i));
-        nearest = near;
-        let mut at = i - 1;
-        while at > 0 && sorted[(at - 1) % W] < far {
-            sorted[at % W] = sorted[(at - 1) % W];
-            at -= 1;
+/// How a node's children that are met go on the stack.
+pub(crate) trait Order: Pending {
+    /// Stacks all but one of the children of the mask, which has some; returns that one, to go on
+    /// with.
+    fn spread<S: Wide<W>, const W: usize>(
+        simd: S,
+        node: &Node<W>,
+        mask: u32,
+        entry: S::F,
+        stack: &mut Stack<'_, Self, STACK_NEAR>,
+    ) -> Child;
+}
+
+impl Order for ByEntry {
+    /// The nearest is visited first, the farthest last.
+    #[inline(always)]
+    fn spread<S: Wide<W>, const W: usize>(
+        simd: S,
+        node: &Node<W>,
+        mask: u32,
+        entry: S::F,
+        stack: &mut Stack<'_, Self, STACK_NEAR>,
+    ) -> Child {
+        // Most nodes have one child that is met: no sorting, no distances.
+        if mask & (mask - 1) == 0 {
+            return node.children[mask.trailing_zeros() as usize % W];
         }
-        sorted[at % W] = far;
+        let mut met = Met::<W>::new(simd, node, mask, entry.lanes());
+        let (mut nearest, farther) = ordered(met.next(), met.next());
+        let count = mask.count_ones() as usize;
+        if count == 2 {
+            stack.push_near(farther);
+            return nearest.child();
+        }
+        if count == 3 {
+            let (near, far) = ordered(nearest, met.next());
+            let (far, farthest) = ordered(farther, far);
+            stack.push_near(farthest);
+            stack.push_near(far);
+            return near.child();
+        }
+        // Rarely more: insertion, the farthest first.
+        let mut sorted = [farther; W];
+        for i in 2..count {
+            let (near, far) = ordered(nearest, met.next());
+            nearest = near;
+            let mut at = i - 1;
+            while at > 0 && sorted[(at - 1) % W] < far {
+                sorted[at % W] = sorted[(at - 1) % W];
+                at -= 1;
+            }
+            sorted[at % W] = far;
+        }
+        stack.push_first(sorted, count - 1);
+        nearest.child()
     }
-    stack.push_first(sorted, count - 1);
-    nearest.child()
+}
+
+impl Order for Child {
+    /// In the node's order, the largest box uppermost.
+    #[inline(always)]
+    fn spread<S: Wide<W>, const W: usize>(
+        simd: S,
+        node: &Node<W>,
+        mask: u32,
+        _: S::F,
+        stack: &mut Stack<'_, Self, STACK_NEAR>,
+    ) -> Child {
+        let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
+        let mut rest = mask & !(1 << largest);
+        if S::COMPRESSES {
+            let children = simd.compress(rest, &words(&node.children));
+            stack.push_first(children.map(Child), rest.count_ones() as usize);
+        } else {
+            while rest != 0 {
+                stack.push_near(node.children[rest.trailing_zeros() as usize % W]);
+                rest &= rest - 1;
+            }
+        }
+        node.children[largest % W]
+    }
+}
+
+/// The children of a mask, one after the other, with where the ray enters them.
+struct Met<const W: usize> {
+    children: [u32; W],
+    entries: [u32; W],
+    /// Where the instruction set moves them together, a counter; else the bits that are left.
+    left: u32,
+    packed: bool,
+}
+
+impl<const W: usize> Met<W> {
+    #[inline(always)]
+    fn new<S: Simd>(simd: S, node: &Node<W>, mask: u32, entries: [f32; W]) -> Self {
+        let (children, entries) = (words(&node.children), bits(entries));
+        if S::COMPRESSES {
+            let (children, entries) =
+                (simd.compress(mask, &children), simd.compress(mask, &entries));
+            return Self { children, entries, left: 0, packed: true };
+        }
+        Self { children, entries, left: mask, packed: false }
+    }
+
+    /// The next of them, of which there is one.
+    #[inline(always)]
+    fn next(&mut self) -> ByEntry {
+        let at = if self.packed { self.left } else { self.left.trailing_zeros() } as usize % W;
+        self.left = if self.packed { self.left + 1 } else { self.left & self.left.wrapping_sub(1) };
+        ByEntry::new(Child(self.children[at]), self.entries[at])
+    }
 }
 
 /// The children as plain words.
@@ -408,39 +501,20 @@ fn bits<const W: usize>(lanes: [f32; W]) -> [u32; W] {
 
 /// The nearer first.
 #[inline(always)]
-fn ordered(a: Pending, b: Pending) -> (Pending, Pending) {
+fn ordered(a: ByEntry, b: ByEntry) -> (ByEntry, ByEntry) {
     if b < a { (b, a) } else { (a, b) }
-}
-
-/// Stacks the children of the mask in their order, smallest box first; returns the largest.
-#[inline(always)]
-fn largest_first<S: Wide<W>, const W: usize>(
-    simd: S,
-    node: &Node<W>,
-    mask: u32,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
-) -> Child {
-    let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
-    let mut rest = mask & !(1 << largest);
-    let _ = simd;
-    while rest != 0 {
-        let at = rest.trailing_zeros() as usize;
-        rest &= rest - 1;
-        stack.push_near(Pending::new(node.children[at % W].0, f32::NEG_INFINITY.to_bits()));
-    }
-    node.children[largest % W]
 }
 
 /// The next child that may still matter; [`Child::NONE`] if none is near.
 #[inline(always)]
 fn pop<'a, V: Visitor<'a>, C: Count>(
     visitor: &V,
-    stack: &mut Stack<'_, Pending, STACK_NEAR>,
+    stack: &mut Stack<'_, V::Pending, STACK_NEAR>,
     counters: &mut C,
 ) -> Child {
     loop {
         let Some(pending) = stack.pop_near() else { return Child::NONE };
-        if !V::NEAREST_FIRST || pending.entry() <= visitor.t_max() {
+        if !pending.is_beyond(visitor.t_max()) {
             return pending.child();
         }
         counters.t_culls(1);
