@@ -222,6 +222,7 @@ mod portable {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec::Vec;
 
     /// Every operation of both kinds of lanes gives the same bits, NaN and infinities included.
     #[test]

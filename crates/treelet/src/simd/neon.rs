@@ -49,6 +49,9 @@ impl Simd for Neon {
         }
     }
 
+    const WIDE_DOUBLES: bool = false;
+    const COMPRESSES: bool = false;
+
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
         compress_by_bits(mask, items)

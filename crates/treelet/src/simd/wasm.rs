@@ -41,6 +41,9 @@ impl Simd for Simd128 {
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}
 
+    const WIDE_DOUBLES: bool = false;
+    const COMPRESSES: bool = false;
+
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
         compress_by_bits(mask, items)
