@@ -265,7 +265,10 @@ fn hits_are_hits_and_misses_are_misses() {
             close += 1;
         }
     }
-    assert!(hits > rounds(300_000) && misses > rounds(300_000) && close > rounds(50_000), "{hits} {misses} {close}");
+    assert!(
+        hits > rounds(300_000) && misses > rounds(300_000) && close > rounds(50_000),
+        "{hits} {misses} {close}"
+    );
 }
 
 #[test]

@@ -192,9 +192,7 @@ impl TwoDoubles for D2 {
     #[inline(always)]
     fn widen(narrow: F4) -> [Self; 2] {
         // SAFETY: `narrow` exists, so a token did, so the processor has the instructions.
-        unsafe {
-            [Self(vcvt_f64_f32(vget_low_f32(narrow.0))), Self(vcvt_high_f64_f32(narrow.0))]
-        }
+        unsafe { [Self(vcvt_f64_f32(vget_low_f32(narrow.0))), Self(vcvt_high_f64_f32(narrow.0))] }
     }
 
     #[inline(always)]
