@@ -107,6 +107,24 @@ impl SlabRay {
         }
     }
 
+    /// The ray whose parts are these, by axis: what planes that are met first and last are measured
+    /// from, reciprocals, and 1 where the upper plane is met first.
+    #[inline(always)]
+    pub(crate) fn of_parts(
+        near: [f32; 3],
+        far: [f32; 3],
+        reciprocal: [f32; 3],
+        backward: [u8; 3],
+    ) -> Self {
+        let side = |side: u8| {
+            let pick = |axis: usize| if backward[axis] == side { near[axis] } else { far[axis] };
+            [pick(0), pick(1), pick(2), 0.0]
+        };
+        let [x, y, z] = backward.map(u32::from);
+        let reciprocal = [reciprocal[0], reciprocal[1], reciprocal[2], 0.0];
+        Self { sides: [side(0), side(1)], reciprocal, backward: x | y << 1 | z << 2 }
+    }
+
     /// By axis: 1 if the ray meets the upper plane first, else 0.
     #[inline(always)]
     pub(crate) fn backward(&self, axis: usize) -> usize {
@@ -142,7 +160,7 @@ impl SlabRay {
 }
 
 /// `(1 + WIDER's excess)` covers the roundings of the sum and the product that it is part of.
-const WIDER: f32 = 1.0 + 4.0 * f32::EPSILON;
+pub(crate) const WIDER: f32 = 1.0 + 4.0 * f32::EPSILON;
 
 #[cfg(test)]
 mod tests {

@@ -96,7 +96,8 @@ impl Order {
     pub(super) fn new(bounds: &[Aabb], stage: &Stage<'_>) -> Result<Self, BuildError> {
         let count = bounds.len();
         let split = Split::new(count);
-        let curve = Curve::new(&centers(bounds, stage)?, split.coarse_bits);
+        let centers = centers(bounds, stage)?;
+        let curve = Curve::new(centers.lo, centers.hi, split.coarse_bits);
         let chunk = CHUNK.max(count.div_ceil(TASKS));
 
         // Compute codes and count buckets, chunk by chunk.

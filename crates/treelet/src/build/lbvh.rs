@@ -89,7 +89,7 @@ mod tests {
             let points = bounds.iter().map(Aabb::center);
             let centers = points.fold(Aabb::EMPTY, |all, p| all.union(&Aabb { lo: p, hi: p }));
             let split = Split::new(bounds.len());
-            let curve = Curve::new(&centers, split.coarse_bits);
+            let curve = Curve::new(centers.lo, centers.hi, split.coarse_bits);
             let code = |bounds: &Aabb| {
                 let cell = curve.cell(bounds.center());
                 curve.coarse(cell) << split.fine_bits() | curve.fine(cell)

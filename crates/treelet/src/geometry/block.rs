@@ -7,7 +7,8 @@
 
 use super::triangle::TriangleRay;
 use crate::bounds::{Interval, SlabRay};
-use crate::simd::{Doubles, Floats, Kernel, Simd};
+use crate::simd::{Doubles, Floats, Function, Simd};
+use core::marker::PhantomData;
 
 /// Lanes of a block.
 pub(crate) const LANES: usize = 4;
@@ -26,34 +27,44 @@ impl BlockHits {
     const NONE: Self = Self { mask: 0, t: [0.0; LANES], u: [0.0; LANES], v: [0.0; LANES] };
 }
 
-/// The question which of the first `count` lanes of a block are hit, as [`TriangleRay::hit`] says for
-/// one.
+/// Which of the first `count` lanes of a block are hit, as [`TriangleRay::hit`] says for one.
 ///
-/// `rows[k * count + i]` is, of triangle `i`, axis `k % 3` of corner `k / 3`; beyond the last row,
-/// anything.
-pub(crate) struct Block<'a, const N: usize> {
-    pub(crate) rows: &'a [f32; N],
-    pub(crate) count: usize,
-    pub(crate) ray: &'a TriangleRay,
-    pub(crate) slab: &'a SlabRay,
-    pub(crate) clip: &'a Interval,
-    pub(crate) range: Interval,
-}
+/// Its arguments: the rows and `count`, where `rows[k * count + i]` is, of triangle `i`, axis `k % 3`
+/// of corner `k / 3`, and beyond the last row, anything; the ray, for triangles and for boxes; where
+/// the instances on the way allow a hit; the least and the greatest `t`.
+pub(crate) struct BlockTest<'a, const N: usize>(PhantomData<&'a ()>);
 
-impl<const N: usize> Kernel for Block<'_, N> {
+impl<'a, const N: usize> Function for BlockTest<'a, N> {
+    type A = (&'a [f32; N], usize);
+    type B = (&'a TriangleRay, &'a SlabRay);
+    type C = &'a Interval;
+    type D = (f32, f32);
     type Output = BlockHits;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> BlockHits {
-        hit(simd, &self)
+    fn run<S: Simd>(
+        simd: S,
+        (rows, count): (&'a [f32; N], usize),
+        (ray, slab): (&'a TriangleRay, &'a SlabRay),
+        clip: &'a Interval,
+        (entry, exit): (f32, f32),
+    ) -> BlockHits {
+        hit(simd, rows, count, ray, slab, clip, &Interval { entry, exit })
     }
 }
 
 #[inline(always)]
-fn hit<S: Simd, const N: usize>(simd: S, block: &Block<'_, N>) -> BlockHits {
-    let Block { rows, ray, slab, clip, range, .. } = block;
+fn hit<S: Simd, const N: usize>(
+    simd: S,
+    rows: &[f32; N],
+    count: usize,
+    ray: &TriangleRay,
+    slab: &SlabRay,
+    clip: &Interval,
+    range: &Interval,
+) -> BlockHits {
     const { assert!(N >= LANES * 9 + LANES + LANES) }
-    let count = (block.count - 1) % LANES + 1;
+    let count = (count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
     let row = |corner: usize, start: usize| {
         let start = 3 * corner * count + start;

@@ -1,6 +1,7 @@
 //! What a ray can hit, and what it answers.
 
 pub(crate) mod block;
+pub(crate) mod bundle;
 pub mod clip;
 pub mod hit;
 pub mod mesh;

@@ -96,18 +96,24 @@ impl EdgeRule for Closed {
 }
 
 /// The two axes after each; one more to spare a check.
-const NEXT: [[u8; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
+pub(crate) const NEXT: [[u8; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
 
 /// A corner after the shear: the ray is the z axis.
 type Sheared = [f32; 3];
+
+/// The axis along which the direction is longest.
+#[inline(always)]
+pub(crate) fn longest_axis(direction: [f32; 3]) -> usize {
+    let [x, y, z] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
+    let z_longest = (z >= x) & (z > y);
+    if z_longest { 2 } else { usize::from(x < y) }
+}
 
 impl TriangleRay {
     /// Prepares a ray whose direction is finite and not zero.
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let [x, y, z] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
-        let z_longest = (z >= x) & (z > y);
-        let z = if z_longest { 2 } else { usize::from(x < y) };
+        let z = longest_axis(direction);
         let [x, y] = NEXT[z & 3];
         let [x, y] = [usize::from(x & 3), usize::from(y & 3)];
         let origin = [origin[0], origin[1], origin[2], 0.0];
@@ -119,6 +125,12 @@ impl TriangleRay {
             shear: [direction[x] * reciprocal, direction[y] * reciprocal],
             reciprocal_z: 1.0 / f64::from(direction[z]),
         }
+    }
+
+    /// The ray whose axes, origin and shear on them, and direction along the last one are these.
+    #[inline(always)]
+    pub(crate) fn of_parts(axes: [u8; 3], origin: [f32; 3], shear: [f32; 2], along: f32) -> Self {
+        Self { axes, origin, shear, reciprocal_z: 1.0 / f64::from(along) }
     }
 
     /// The hit with the triangle under the closed edge rule, if its `t` is in `t_min ..= t_max`.

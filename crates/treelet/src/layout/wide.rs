@@ -72,6 +72,14 @@ impl<const W: usize> Node<W> {
         children: [Child::END; W],
     };
 
+    /// The box of a child.
+    #[inline(always)]
+    pub(crate) fn bounds(&self, slot: usize) -> Aabb {
+        let [x, y, z] = &self.planes;
+        let slot = slot % W;
+        Aabb { lo: [x[0][slot], y[0][slot], z[0][slot]], hi: [x[1][slot], y[1][slot], z[1][slot]] }
+    }
+
     /// Puts a child into a slot.
     pub(crate) fn set(&mut self, slot: usize, bounds: &Aabb, child: Child) {
         for axis in 0..3 {

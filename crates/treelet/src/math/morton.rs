@@ -9,7 +9,6 @@
 //! A code has 63 bits in two words. The first one is looked up in tables of 12 KiB: six loads a
 //! point, about 2 ns. The second one is for the few points that share the first.
 
-use crate::bounds::Aabb;
 use alloc::boxed::Box;
 
 /// Most bits of the first word of a code.
@@ -45,18 +44,17 @@ pub struct Curve {
 impl Curve {
     /// The curve through a box, empty or of any size, with codes whose first word has `coarse_bits`
     /// of all [`CODE_BITS`], at most [`COARSE_BITS_MAX`].
-    pub fn new(bounds: &Aabb, coarse_bits: u32) -> Self {
+    pub fn new(lo: [f32; 3], hi: [f32; 3], coarse_bits: u32) -> Self {
         debug_assert!(coarse_bits <= COARSE_BITS_MAX);
-        let extent: [f64; 3] = core::array::from_fn(|axis| {
-            (f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis])).max(0.0)
-        });
+        let extent: [f64; 3] =
+            core::array::from_fn(|axis| (f64::from(hi[axis]) - f64::from(lo[axis])).max(0.0));
         // An axis without extent gets scale 0; one that is too short for f32 gets few cells.
         let scale = extent.map(|e| {
             let cells = f64::from(CELL_MAX) / e;
             if e > 0.0 { cells.min(f64::from(f32::MAX)) as f32 } else { 0.0 }
         });
         let mut curve = Self {
-            origin: bounds.lo,
+            origin: lo,
             scale,
             fine_bits: CODE_BITS - coarse_bits,
             coarse: Box::new([[[0; BYTE]; 2]; 3]),
@@ -184,7 +182,7 @@ mod tests {
             [0.0; 3],
         ];
         for extent in extents {
-            let curve = Curve::new(&Aabb { lo: [0.0; 3], hi: extent }, 33);
+            let curve = Curve::new([0.0; 3], extent, 33);
             for _ in 0..300 {
                 let point = extent.map(|e| e * random());
                 let expected = naive(extent.map(f64::from), curve.cell(point));
@@ -195,25 +193,28 @@ mod tests {
 
     #[test]
     fn corners_are_first_and_last() {
-        let bounds = Aabb { lo: [-3.0, 10.0, 0.5], hi: [5.0, 18.0, 8.5] };
-        let curve = Curve::new(&bounds, 40);
-        assert_eq!(code(&curve, bounds.lo), 0);
-        assert_eq!(code(&curve, bounds.hi), (1 << 63) - 1);
+        let (lo, hi) = ([-3.0, 10.0, 0.5], [5.0, 18.0, 8.5]);
+        let curve = Curve::new(lo, hi, 40);
+        assert_eq!(code(&curve, lo), 0);
+        assert_eq!(code(&curve, hi), (1 << 63) - 1);
     }
 
     #[test]
     fn any_box_and_any_point_has_a_code() {
         let boxes = [
-            Aabb::EMPTY,
-            Aabb { lo: [f32::MIN; 3], hi: [f32::MAX; 3] },
-            Aabb { lo: [0.0; 3], hi: [f32::from_bits(1); 3] },
+            ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]),
+            ([f32::MIN; 3], [f32::MAX; 3]),
+            ([0.0; 3], [f32::from_bits(1); 3]),
         ];
-        for bounds in boxes {
-            let curve = Curve::new(&bounds, 40);
+        for (lo, hi) in boxes {
+            let curve = Curve::new(lo, hi, 40);
             for x in [0.0, f32::MAX, f32::MIN, f32::from_bits(1), f32::NAN] {
-                assert!(curve.cell([x; 3]).iter().all(|&cell| cell < 1 << 23), "{x} in {bounds:?}");
+                assert!(
+                    curve.cell([x; 3]).iter().all(|&cell| cell < 1 << 23),
+                    "{x} in {lo:?}, {hi:?}"
+                );
             }
-            assert!(code(&curve, bounds.lo) < 1 << 63);
+            assert!(code(&curve, lo) < 1 << 63);
         }
     }
 }

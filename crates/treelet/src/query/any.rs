@@ -4,11 +4,12 @@ use super::{ask, ask_simply};
 use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::Counters;
+use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
 use core::ops::ControlFlow;
 
-struct Any {
+pub(crate) struct Any {
     t_max: f32,
     found: bool,
 }
@@ -41,4 +42,30 @@ pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters)
     let mut visitor = Any { t_max: ray.t_max, found: false };
     ask_simply(structure, ray, &mut visitor, counters);
     visitor.found
+}
+
+/// The answers to a slice of rays, so far; no to begin with.
+pub(crate) struct Many<'h> {
+    pub(crate) answers: &'h mut [bool],
+}
+
+impl<'a> Answers<'a> for Many<'_> {
+    type Visitor = Any;
+
+    const NEAREST_FIRST: bool = false;
+
+    #[inline(always)]
+    fn visitor(&self, _: usize, t_max: f32) -> Any {
+        Any { t_max, found: false }
+    }
+
+    /// Nothing matters any more to a ray with a hit.
+    #[inline(always)]
+    fn settle(&mut self, slot: usize, _: f32, visitor: Any) -> f32 {
+        if visitor.found {
+            self.answers[slot] = true;
+            return f32::NEG_INFINITY;
+        }
+        visitor.t_max
+    }
 }

@@ -4,12 +4,13 @@ use super::{ask, ask_simply};
 use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::trace::Counters;
+use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{ByEntry, Found, Visitor};
 use core::ops::ControlFlow;
 
 /// The answer so far: a miss at the ray's end.
-struct Closest<'a> {
+pub(crate) struct Closest<'a> {
     t: f32,
     best: Option<Found<'a>>,
 }
@@ -47,6 +48,35 @@ pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters)
     let mut visitor = Closest { t: ray.t_max, best: None };
     ask_simply(structure, ray, &mut visitor, counters);
     visitor.best.map(Hit::from)
+}
+
+/// The answers to a slice of rays, so far; misses to begin with.
+pub(crate) struct Many<'h> {
+    pub(crate) hits: &'h mut [Hit],
+}
+
+impl<'a> Answers<'a> for Many<'_> {
+    type Visitor = Closest<'a>;
+
+    const NEAREST_FIRST: bool = true;
+
+    #[inline(always)]
+    fn visitor(&self, _: usize, t_max: f32) -> Closest<'a> {
+        Closest { t: t_max, best: None }
+    }
+
+    #[inline(always)]
+    fn settle(&mut self, slot: usize, t_max: f32, visitor: Closest<'a>) -> f32 {
+        if let Some(found) = visitor.best {
+            let hit = Hit::from(found);
+            // Usually nearer, and then what was there need not be read. At the same `t`, the
+            // smallest id; a miss has the largest.
+            if hit.t < t_max || hit.id() < self.hits[slot].id() {
+                self.hits[slot] = hit;
+            }
+        }
+        visitor.t
+    }
 }
 
 impl From<Found<'_>> for Hit {

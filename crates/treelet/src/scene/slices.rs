@@ -10,6 +10,9 @@ use alloc::vec::Vec;
 /// Rays that one task answers, one after the other.
 const CHUNK: usize = 1024;
 
+/// Rays that one task answers as streams.
+const PIECE: usize = 65_536;
+
 impl Scene {
     /// [`Scene::closest`] for each ray; `hits[i]` answers `rays[i]`, [`Hit::MISS`] if it meets
     /// nothing.
@@ -18,7 +21,9 @@ impl Scene {
     ///
     /// The slices differ in length; then nothing is written.
     pub fn closest_many(&self, rays: &[Ray], hits: &mut [Hit]) -> Result<(), WrongLength> {
-        self.many(rays, hits, |ray| self.closest(ray).unwrap_or(Hit::MISS))
+        self.in_pieces(rays, hits, PIECE, |rays, hits| {
+            query::many::closest_many(self.structure(), rays, hits);
+        })
     }
 
     /// [`Scene::any`] for each ray.
@@ -27,7 +32,9 @@ impl Scene {
     ///
     /// The slices differ in length; then nothing is written.
     pub fn any_many(&self, rays: &[Ray], answers: &mut [bool]) -> Result<(), WrongLength> {
-        self.many(rays, answers, |ray| self.any(ray))
+        self.in_pieces(rays, answers, PIECE, |rays, answers| {
+            query::many::any_many(self.structure(), rays, answers);
+        })
     }
 
     /// [`Scene::count`] for each ray.
@@ -36,7 +43,9 @@ impl Scene {
     ///
     /// The slices differ in length; then nothing is written.
     pub fn count_many(&self, rays: &[Ray], answers: &mut [u64]) -> Result<(), WrongLength> {
-        self.many(rays, answers, |ray| self.count(ray))
+        self.in_pieces(rays, answers, CHUNK, |rays, answers| {
+            rays.iter().zip(answers).for_each(|(ray, out)| *out = self.count(ray));
+        })
     }
 
     /// [`Scene::all`] for each ray.
@@ -58,18 +67,17 @@ impl Scene {
         all
     }
 
-    fn many<A: Send>(
+    fn in_pieces<A: Send>(
         &self,
         rays: &[Ray],
         answers: &mut [A],
-        answer: impl Fn(&Ray) -> A + Sync + Send,
+        piece: usize,
+        answer: impl Fn(&[Ray], &mut [A]) + Sync + Send,
     ) -> Result<(), WrongLength> {
         if rays.len() != answers.len() {
             return Err(WrongLength { rays: rays.len(), answers: answers.len() });
         }
-        parallel::zip_chunks_mut(rays, answers, CHUNK, |rays, answers| {
-            rays.iter().zip(answers).for_each(|(ray, out)| *out = answer(ray));
-        });
+        parallel::zip_chunks_mut(rays, answers, piece, answer);
         Ok(())
     }
 }

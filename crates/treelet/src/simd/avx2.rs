@@ -3,7 +3,7 @@
 //! FMA is not enabled: nothing here may fuse, and the compiler never fuses by itself.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
 /// Exists only where AVX2 does.
@@ -23,6 +23,13 @@ fn call<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx2(()))
 }
 
+/// A function, never inlined.
+#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Avx2(()), a, b, c, d)
+}
+
 impl Simd for Avx2 {
     type F4 = F4;
     type F8 = F8;
@@ -33,6 +40,12 @@ impl Simd for Avx2 {
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         // SAFETY: the token shows that the processor has the instructions.
         unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { apply::<F>(a, b, c, d) }
     }
 
     #[inline(always)]
@@ -111,7 +124,19 @@ macro_rules! memory {
 
 impl Floats<4> for F4 {
     memory! { 4 Avx2 _mm_set1_ps _mm_loadu_ps _mm_storeu_ps }
-    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+        Self(unsafe {
+            let lanes = _mm_setr_epi32(1, 2, 4, 8);
+            let chosen = _mm_and_si128(_mm_set1_epi32(bits as i32), lanes);
+            let chosen = _mm_castsi128_ps(_mm_cmpeq_epi32(chosen, lanes));
+            _mm_blendv_ps(other.0, _mm_min_ps(self.0, other.0), chosen)
+        })
+    }
+
+    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! {
         le _mm_cmp_ps _CMP_LE_OQ _mm_movemask_ps
         lt _mm_cmp_ps _CMP_LT_OQ _mm_movemask_ps
@@ -131,8 +156,6 @@ impl Four for F4 {
         Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
     }
 
-    lanewise! { div _mm_div_ps }
-
     #[inline(always)]
     fn max_lane(self) -> Self {
         // SAFETY: as above.
@@ -151,8 +174,20 @@ impl Four for F4 {
 
 impl Floats<8> for F8 {
     memory! { 8 Avx2 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+        Self(unsafe {
+            let lanes = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let chosen = _mm256_and_si256(_mm256_set1_epi32(bits as i32), lanes);
+            let chosen = _mm256_castsi256_ps(_mm256_cmpeq_epi32(chosen, lanes));
+            _mm256_blendv_ps(other.0, _mm256_min_ps(self.0, other.0), chosen)
+        })
+    }
+
     lanewise! {
-        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps
+        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps div _mm256_div_ps
         min _mm256_min_ps max _mm256_max_ps
     }
     compare! {

@@ -1,7 +1,7 @@
 //! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
-use super::{Doubles, Floats, Four, Kernel, Simd};
+use super::{Doubles, Floats, Four, Function, Kernel, Simd};
 use core::arch::x86_64::*;
 
 /// Exists only where these parts of AVX-512 do.
@@ -21,6 +21,13 @@ fn call<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Avx512(()))
 }
 
+/// A function, never inlined.
+#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Avx512(()), a, b, c, d)
+}
+
 impl Simd for Avx512 {
     type F4 = F4;
     type F8 = F8;
@@ -31,6 +38,12 @@ impl Simd for Avx512 {
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         // SAFETY: the token shows that the processor has the instructions.
         unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { apply::<F>(a, b, c, d) }
     }
 
     #[inline(always)]
@@ -64,6 +77,63 @@ impl Simd for Avx512 {
             }
         }
         out
+    }
+
+    /// Four steps of 16 shuffles: pairs, quads, then whole quarters twice.
+    #[inline(always)]
+    fn transpose(self, rows: &[&[f32; 16]; 16], columns: &mut [[f32; 16]; 16]) {
+        // SAFETY: the token shows that the processor has the instructions; every row and
+        // every column has 16 lanes.
+        unsafe {
+            let mut quads = [_mm512_setzero_ps(); 16];
+            for first in [0, 4, 8, 12] {
+                let a = _mm512_loadu_ps(rows[first].as_ptr());
+                let b = _mm512_loadu_ps(rows[first + 1].as_ptr());
+                let c = _mm512_loadu_ps(rows[first + 2].as_ptr());
+                let d = _mm512_loadu_ps(rows[first + 3].as_ptr());
+                let ab = [_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b)];
+                let cd = [_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d)];
+                for half in [0, 1] {
+                    let (ab, cd) = (_mm512_castps_pd(ab[half]), _mm512_castps_pd(cd[half]));
+                    let (lower, upper) = (_mm512_unpacklo_pd(ab, cd), _mm512_unpackhi_pd(ab, cd));
+                    quads[first + 2 * half] = _mm512_castpd_ps(lower);
+                    quads[first + 2 * half + 1] = _mm512_castpd_ps(upper);
+                }
+            }
+            // A quarter `q` of `quads[4 g + k]` now holds column `4 q + k` of rows `4 g ..`.
+            for k in [0, 1, 2, 3] {
+                let (a, b, c, d) = (quads[k], quads[4 + k], quads[8 + k], quads[12 + k]);
+                let even_ab = _mm512_shuffle_f32x4::<0x88>(a, b);
+                let even_cd = _mm512_shuffle_f32x4::<0x88>(c, d);
+                let odd_ab = _mm512_shuffle_f32x4::<0xDD>(a, b);
+                let odd_cd = _mm512_shuffle_f32x4::<0xDD>(c, d);
+                let whole = [
+                    _mm512_shuffle_f32x4::<0x88>(even_ab, even_cd),
+                    _mm512_shuffle_f32x4::<0x88>(odd_ab, odd_cd),
+                    _mm512_shuffle_f32x4::<0xDD>(even_ab, even_cd),
+                    _mm512_shuffle_f32x4::<0xDD>(odd_ab, odd_cd),
+                ];
+                for quarter in [0, 1, 2, 3] {
+                    _mm512_storeu_ps(columns[4 * quarter + k].as_mut_ptr(), whole[quarter]);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn select(self, bits: u32, masks: &[u32; 16], items: &[u32; 16]) -> ([u32; 16], usize) {
+        let mut out = [0; 16];
+        // SAFETY: the token shows that the processor has the instructions; 16 lanes are readable
+        // and writable.
+        let chosen = unsafe {
+            let bits = _mm512_set1_epi32(bits as i32);
+            let chosen = _mm512_test_epi32_mask(_mm512_loadu_epi32(masks.as_ptr().cast()), bits);
+            let items = _mm512_loadu_epi32(items.as_ptr().cast());
+            let packed = _mm512_maskz_compress_epi32(chosen, items);
+            _mm512_storeu_epi32(out.as_mut_ptr().cast(), packed);
+            chosen
+        };
+        (out, chosen.count_ones() as usize)
     }
 }
 
@@ -132,7 +202,14 @@ macro_rules! memory {
 
 impl Floats<4> for F4 {
     memory! { 4 _mm_set1_ps _mm_loadu_ps _mm_storeu_ps }
-    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps min _mm_min_ps max _mm_max_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm_mask_min_ps(other.0, bits as __mmask8, self.0, other.0) })
+    }
+
+    lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
 }
 
@@ -148,8 +225,6 @@ impl Four for F4 {
         // SAFETY: as above.
         Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
     }
-
-    lanewise! { div _mm_div_ps }
 
     #[inline(always)]
     fn max_lane(self) -> Self {
@@ -169,8 +244,15 @@ impl Four for F4 {
 
 impl Floats<8> for F8 {
     memory! { 8 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm256_mask_min_ps(other.0, bits as __mmask8, self.0, other.0) })
+    }
+
     lanewise! {
-        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps
+        add _mm256_add_ps sub _mm256_sub_ps mul _mm256_mul_ps div _mm256_div_ps
         min _mm256_min_ps max _mm256_max_ps
     }
     compare! { le _mm256_cmp_ps_mask _CMP_LE_OQ lt _mm256_cmp_ps_mask _CMP_LT_OQ }
@@ -178,8 +260,15 @@ impl Floats<8> for F8 {
 
 impl Floats<16> for F16 {
     memory! { 16 _mm512_set1_ps _mm512_loadu_ps _mm512_storeu_ps }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
+        Self(unsafe { _mm512_mask_min_ps(other.0, bits as __mmask16, self.0, other.0) })
+    }
+
     lanewise! {
-        add _mm512_add_ps sub _mm512_sub_ps mul _mm512_mul_ps
+        add _mm512_add_ps sub _mm512_sub_ps mul _mm512_mul_ps div _mm512_div_ps
         min _mm512_min_ps max _mm512_max_ps
     }
     compare! { le _mm512_cmp_ps_mask _CMP_LE_OQ lt _mm512_cmp_ps_mask _CMP_LT_OQ }

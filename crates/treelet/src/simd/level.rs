@@ -123,6 +123,7 @@ impl Checked {
     /// [`Level::Scalar`].
     pub(crate) const SCALAR: Self = Self(Level::Scalar);
 
+    #[cfg(test)]
     pub(crate) fn level(self) -> Level {
         self.0
     }

@@ -51,10 +51,15 @@ pub(crate) trait Floats<const N: usize>: Copy {
     fn sub(self, other: Self) -> Self;
     /// Products.
     fn mul(self, other: Self) -> Self;
+    /// Quotients.
+    fn div(self, other: Self) -> Self;
     /// `self < other ? self : other`.
     fn min(self, other: Self) -> Self;
     /// `self > other ? self : other`.
     fn max(self, other: Self) -> Self;
+
+    /// [`Floats::min`] in the lanes whose bits are set, `other` in the others.
+    fn min_where(self, bits: u32, other: Self) -> Self;
 
     /// Bit `i` is set where `self <= other` in lane `i`; not for NaN.
     fn le(self, other: Self) -> u32;
@@ -68,8 +73,6 @@ pub(crate) trait Four: Floats<4> {
     fn xyzz(self) -> Self;
     /// Absolute values.
     fn abs(self) -> Self;
-    /// Quotients.
-    fn div(self, other: Self) -> Self;
     /// The largest lane, in every lane; none may be NaN.
     fn max_lane(self) -> Self;
     /// Bit `i` is the sign of lane `i`.
@@ -107,6 +110,19 @@ pub(crate) trait Doubles: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
+/// A function that is generic in the instruction set: see [`Simd::apply`]. Each argument should be at
+/// most two words.
+pub(crate) trait Function {
+    type A;
+    type B;
+    type C;
+    type D;
+    type Output;
+
+    /// Does the work. To be `#[inline(always)]`.
+    fn run<S: Simd>(simd: S, a: Self::A, b: Self::B, c: Self::C, d: Self::D) -> Self::Output;
+}
+
 /// An instruction set, as a token that shows that this processor has it.
 pub(crate) trait Simd: Copy {
     /// 4 lanes of f32.
@@ -125,6 +141,10 @@ pub(crate) trait Simd: Copy {
     /// that loop its registers.
     fn call<K: Kernel>(self, kernel: K) -> K::Output;
 
+    /// Calls a function of its own with arguments in registers: for what is called so often that a
+    /// kernel handed over in memory would be waited for.
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output;
+
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);
 
@@ -133,6 +153,27 @@ pub(crate) trait Simd: Copy {
 
     /// The items whose bits are set in `mask`, in order, then others.
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];
+
+    /// The columns of 16 rows.
+    #[inline(always)]
+    fn transpose(self, rows: &[&[f32; 16]; 16], columns: &mut [[f32; 16]; 16]) {
+        for (row, lanes) in rows.iter().enumerate() {
+            for (column, lane) in columns.iter_mut().zip(lanes.iter()) {
+                column[row] = *lane;
+            }
+        }
+    }
+
+    /// The items whose mask shares a bit with `bits`, in order, then others; and how many.
+    #[inline(always)]
+    fn select(self, bits: u32, masks: &[u32; 16], items: &[u32; 16]) -> ([u32; 16], usize) {
+        let (mut out, mut len) = ([0; 16], 0);
+        for i in 0..16 {
+            out[len % 16] = items[i];
+            len += usize::from(masks[i] & bits != 0);
+        }
+        (out, len)
+    }
 }
 
 /// The vector of `W` lanes of a level: what makes a kernel generic in its width.

@@ -1,7 +1,7 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
@@ -16,6 +16,11 @@ impl Simd for Scalar {
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         kernel.run(self)
+    }
+
+    #[inline(never)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        F::run(self, a, b, c, d)
     }
 
     #[inline(always)]
@@ -83,8 +88,18 @@ impl Floats<4> for Lanes {
         add: a, b => a + b;
         sub: a, b => a - b;
         mul: a, b => a * b;
+        div: a, b => a / b;
         min: a, b => if a < b { a } else { b };
         max: a, b => if a > b { a } else { b };
+    }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        let lane = |i: usize| {
+            let (a, b) = (self.0[i], other.0[i]);
+            if bits >> i & 1 == 1 && a < b { a } else { b }
+        };
+        Self([lane(0), lane(1), lane(2), lane(3)])
     }
 
     compare! { le <=; lt <; }
@@ -102,8 +117,6 @@ impl Four for Lanes {
         let [x, y, z, w] = self.0;
         Self([x.abs(), y.abs(), z.abs(), w.abs()])
     }
-
-    lanewise! { div: a, b => a / b; }
 
     #[inline(always)]
     fn max_lane(self) -> Self {

@@ -40,7 +40,13 @@ impl Kernel for Everything {
         for mask in 0..=0xFFFF {
             bits.extend(packed::<S, 16>(simd, mask));
             bits.extend(packed::<S, 8>(simd, mask & 0xFF));
+            bits.extend(selected(simd, mask));
         }
+        let rows: [[f32; 16]; 16] =
+            core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
+        let mut columns = [[0.0; 16]; 16];
+        simd.transpose(&core::array::from_fn(|row| &rows[row]), &mut columns);
+        bits.extend(columns.iter().flatten().copied().map(narrow_bits));
         simd.prefetch(bits.as_ptr());
         bits
     }
@@ -51,8 +57,10 @@ fn floats<S: Wide<W>, const W: usize>(simd: S, shift: usize, bits: &mut Vec<u64>
     let a: [f32; W] = core::array::from_fn(|lane| ODD[lane]);
     let b: [f32; W] = core::array::from_fn(|lane| ODD[(lane + shift) % 16]);
     let [a, b] = [S::F::load(simd, &a), S::F::load(simd, &b)];
-    let all = [a.add(b), a.sub(b), a.mul(b), a.min(b), a.max(b), S::F::splat(simd, ODD[shift])];
+    let once = S::F::splat(simd, ODD[shift]);
+    let all = [a.add(b), a.sub(b), a.mul(b), a.div(b), a.min(b), a.max(b), once];
     bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
+    bits.extend(a.min_where(0xA5C3, b).lanes().map(narrow_bits));
     bits.extend([u64::from(a.le(b)), u64::from(a.lt(b))]);
 }
 
@@ -98,6 +106,15 @@ fn packed<S: Simd, const W: usize>(simd: S, mask: u32) -> Vec<u64> {
     packed.iter().take(mask.count_ones() as usize).map(|&item| u64::from(item)).collect()
 }
 
+/// The items whose mask, one of many, shares a bit.
+#[inline(always)]
+fn selected<S: Simd>(simd: S, bits: u32) -> Vec<u64> {
+    let masks = core::array::from_fn(|lane| (lane as u32 * 0x9E37 + 1) >> 3 & 0xFFFF);
+    let items = core::array::from_fn(|lane| 100 + lane as u32);
+    let (selected, count) = simd.select(bits, &masks, &items);
+    selected.iter().take(count).map(|&item| u64::from(item)).collect()
+}
+
 #[test]
 fn every_level_computes_the_same_bits() {
     let expected = Checked::SCALAR.run(Everything);
@@ -109,6 +126,18 @@ fn every_level_computes_the_same_bits() {
         levels += 1;
     }
     assert!(levels > 1 || Level::best() == Level::Scalar);
+}
+
+#[test]
+fn transposing_swaps_rows_and_columns() {
+    let rows: [[f32; 16]; 16] =
+        core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
+    let mut columns = [[0.0; 16]; 16];
+    super::scalar::Scalar.transpose(&core::array::from_fn(|row| &rows[row]), &mut columns);
+    for (column, lanes) in columns.iter().enumerate() {
+        let expected: [f32; 16] = core::array::from_fn(|row| (100 * row + column) as f32);
+        assert_eq!(*lanes, expected);
+    }
 }
 
 #[test]

@@ -39,7 +39,12 @@ macro_rules! doubled {
                 lanes
             }
 
-            each! { add sub mul min max }
+            each! { add sub mul div min max }
+
+            #[inline(always)]
+            fn min_where(self, bits: u32, other: Self) -> Self {
+                Self(self.0.min_where(bits, other.0), self.1.min_where(bits >> $half, other.1))
+            }
 
             #[inline(always)]
             fn le(self, other: Self) -> u32 {

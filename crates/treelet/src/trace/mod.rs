@@ -2,7 +2,9 @@
 
 pub mod counters;
 pub(crate) mod prepared;
+pub(crate) mod record;
 pub(crate) mod slack;
+pub(crate) mod stream;
 pub(crate) mod structure;
 pub(crate) mod walk;
 

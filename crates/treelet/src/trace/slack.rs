@@ -89,6 +89,11 @@ impl Slack {
         Self { near, far_share: 0.0 }
     }
 
+    /// Whether [`Slack::at`] is `UNIT_ROUNDOFF * SLACK` times the distance, and no more.
+    pub(crate) fn is_of_triangles(&self) -> bool {
+        self.far_share == 0.0
+    }
+
     /// Takes in an instance of a level with slack `inner`; returns by how much its own box is to be
     /// widened.
     pub(crate) fn include(

@@ -116,6 +116,12 @@ pub(crate) struct Structure {
 }
 
 impl Structure {
+    /// The instance that is entry `at` of the leaves' instances.
+    #[inline(always)]
+    pub(crate) fn leaf_instance(&self, at: usize) -> &Instance {
+        &self.instances[self.leaf_instances[at] as usize]
+    }
+
     /// The geometry and the triangle in it that an id names.
     #[inline]
     pub(crate) fn name(&self, id: u32) -> (u32, u32) {

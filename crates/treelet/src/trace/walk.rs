@@ -13,8 +13,8 @@
 use super::counters::Count;
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::bounds::{Interval, SlabRay};
-use crate::geometry::block::{self, Block};
+use crate::bounds::SlabRay;
+use crate::geometry::block::{self, BlockTest};
 use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
@@ -195,12 +195,33 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 {
     let Some(wide) = structure.layout.get() else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
+    walk_from(simd, structure, prepared, wide.root, ray, visitor, counters);
+}
+
+/// [`walk`] through what is below a child of the outermost level.
+#[inline(always)]
+pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
+    simd: S,
+    structure: &'a Structure,
+    prepared: Prepared,
+    start: Child,
+    ray: &Ray,
+    visitor: &mut V,
+    counters: &mut C,
+) where
+    S: Wide<W>,
+    Layout: Get<W>,
+    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
+    V: Visitor<'a>,
+    C: Count,
+{
+    let Some(wide) = structure.layout.get() else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
-    let mut next = wide.root;
+    let mut next = start;
     loop {
         // One level, until the ray leaves it or enters another.
         loop {
@@ -221,9 +242,10 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
             if first < frame.wide.triangles {
                 counters.leaf(count);
                 let rows = frame.wide.block(first);
-                let range = Interval { entry: ray.t_min, exit: visitor.t_max() };
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
-                let hits = simd.call(Block { rows, count, ray: triangle, slab, clip, range });
+                let range = (ray.t_min, visitor.t_max());
+                let hits =
+                    simd.apply::<BlockTest<'_, _>>((rows, count), (triangle, slab), clip, range);
                 let mut mask = hits.mask;
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize % block::LANES;
@@ -254,7 +276,17 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
                 next = pop(visitor, &mut stack, counters);
                 break;
             }
-            match open_instances(simd, &frame, first, count, ray, visitor, counters) {
+            let (frame_now, visitor_now) = (&frame, &*visitor);
+            let counters = &mut *counters;
+            let leaf = InstanceLeaf {
+                frame: frame_now,
+                first,
+                count,
+                ray,
+                visitor: visitor_now,
+                counters,
+            };
+            match simd.call(leaf) {
                 Opened::Several(instances, count) => {
                     instances.iter().take(count).for_each(|pending| stack.push(*pending));
                     next = pop(visitor, &mut stack, counters);
@@ -322,48 +354,54 @@ enum Opened<'a, P, const W: usize> {
     One(Frame<'a, W>),
 }
 
-/// Enters an instance, or makes leaves of one each of a leaf of several.
-#[inline(never)]
-fn open_instances<'a, S: Simd, V: Visitor<'a>, C: Count, const W: usize>(
-    simd: S,
-    frame: &Frame<'a, W>,
+/// A leaf of instances: one is entered, several become leaves of one each.
+struct InstanceLeaf<'a, 'd, V, C, const W: usize> {
+    frame: &'d Frame<'a, W>,
     first: usize,
     count: usize,
-    ray: &Ray,
-    visitor: &V,
-    counters: &mut C,
-) -> Opened<'a, V::Pending, W>
+    ray: &'d Ray,
+    visitor: &'d V,
+    counters: &'d mut C,
+}
+
+impl<'a, V: Visitor<'a>, C: Count, const W: usize> Kernel for InstanceLeaf<'a, '_, V, C, W>
 where
     Layout: Get<W>,
 {
-    let at = first - frame.wide.triangles;
-    let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
-    let mut len = 0;
-    if count == 1 {
-        if let Some(inner) = enter(simd, frame, at, ray, visitor) {
-            counters.instance();
-            return Opened::One(inner);
+    type Output = Opened<'a, V::Pending, W>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Opened<'a, V::Pending, W> {
+        let Self { frame, first, count, ray, visitor, counters } = self;
+        let at = first - frame.wide.triangles;
+        let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
+        let mut len = 0;
+        if count == 1 {
+            if let Some(inner) = enter(simd, frame, at, ray, visitor) {
+                counters.instance();
+                return Opened::One(inner);
+            }
+            return Opened::Several(several, 0);
         }
-        return Opened::Several(several, 0);
+        counters.leaf(0);
+        for at in at..at + count {
+            let instance = frame.structure.leaf_instance(at);
+            if instance.mask & ray.mask == 0 {
+                continue;
+            }
+            let inside = frame.ray.slab.interval(&instance.bounds);
+            if inside.is_empty() {
+                counters.box_culls(1);
+            } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
+                counters.t_culls(1);
+            } else if let Some(place) = several.get_mut(len) {
+                let child = Child::leaf(frame.wide.triangles + at, 1);
+                *place = Pending::new(child, inside.entry.to_bits());
+                len += 1;
+            }
+        }
+        Opened::Several(several, len)
     }
-    counters.leaf(0);
-    for at in at..at + count {
-        let instance = &frame.structure.instances[frame.structure.leaf_instances[at] as usize];
-        if instance.mask & ray.mask == 0 {
-            continue;
-        }
-        let inside = frame.ray.slab.interval(&instance.bounds);
-        if inside.is_empty() {
-            counters.box_culls(1);
-        } else if inside.entry > visitor.t_max() || inside.exit < ray.t_min {
-            counters.t_culls(1);
-        } else if let Some(place) = several.get_mut(len) {
-            let child = Child::leaf(frame.wide.triangles + at, 1);
-            *place = Pending::new(child, inside.entry.to_bits());
-            len += 1;
-        }
-    }
-    Opened::Several(several, len)
 }
 
 /// How a node's children that are met go on the stack.
@@ -538,6 +576,7 @@ fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, co
 }
 
 /// The level inside an instance, if the ray has business there.
+#[inline(always)]
 fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
     simd: S,
     frame: &Frame<'a, W>,
@@ -548,8 +587,7 @@ fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
 where
     Layout: Get<W>,
 {
-    let structure = frame.structure;
-    let instance = &structure.instances[structure.leaf_instances[at] as usize];
+    let instance = frame.structure.leaf_instance(at);
     if instance.mask & ray.mask == 0 {
         return None;
     }
