@@ -5,7 +5,7 @@
 //! bits: lanes are masked to a bit of their own each and summed.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
 use core::arch::aarch64::*;
 
 /// Exists only where NEON does.
@@ -25,6 +25,13 @@ fn call<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Neon(()))
 }
 
+/// A function, never inlined.
+#[target_feature(enable = "neon")]
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Neon(()), a, b, c, d)
+}
+
 impl Simd for Neon {
     type F4 = F4;
     type F8 = Two<F4>;
@@ -35,6 +42,12 @@ impl Simd for Neon {
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         // SAFETY: the token shows that the processor has the instructions.
         unsafe { call(kernel) }
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { apply::<F>(a, b, c, d) }
     }
 
     #[inline(always)]
@@ -96,6 +109,9 @@ macro_rules! compare {
     };
 }
 
+/// The bit that stands for each of four lanes.
+const OWN: [u32; 4] = [1, 2, 4, 8];
+
 /// Bit `i` of the result is bit `i` of lane `i`.
 ///
 /// # Safety
@@ -103,7 +119,6 @@ macro_rules! compare {
 /// The processor has NEON.
 #[inline(always)]
 unsafe fn bits_4(lanes: uint32x4_t) -> u32 {
-    const OWN: [u32; 4] = [1, 2, 4, 8];
     // SAFETY: as the caller promises; 16 bytes are readable.
     unsafe { vaddvq_u32(vandq_u32(lanes, vld1q_u32(OWN.as_ptr()))) }
 }
@@ -115,9 +130,9 @@ unsafe fn bits_4(lanes: uint32x4_t) -> u32 {
 /// The processor has NEON.
 #[inline(always)]
 unsafe fn bits_2(lanes: uint64x2_t) -> u32 {
-    const OWN: [u64; 2] = [1, 2];
+    const OWN_2: [u64; 2] = [1, 2];
     // SAFETY: as the caller promises; 16 bytes are readable.
-    unsafe { vaddvq_u64(vandq_u64(lanes, vld1q_u64(OWN.as_ptr()))) as u32 }
+    unsafe { vaddvq_u64(vandq_u64(lanes, vld1q_u64(OWN_2.as_ptr()))) as u32 }
 }
 
 impl Floats<4> for F4 {
@@ -143,8 +158,20 @@ impl Floats<4> for F4 {
         lanes
     }
 
-    lanewise! { add vaddq_f32 sub vsubq_f32 mul vmulq_f32 }
+    lanewise! { add vaddq_f32 sub vsubq_f32 mul vmulq_f32 div vdivq_f32 }
     select! { min vcltq_f32 vbslq_f32 max vcgtq_f32 vbslq_f32 }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        let smaller = self.min(other);
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes
+        // are readable.
+        Self(unsafe {
+            let chosen = vtstq_u32(vdupq_n_u32(bits), vld1q_u32(OWN.as_ptr()));
+            vbslq_f32(chosen, smaller.0, other.0)
+        })
+    }
+
     compare! { le vcleq_f32 bits_4 lt vcltq_f32 bits_4 }
 }
 
@@ -160,8 +187,6 @@ impl Four for F4 {
         // SAFETY: as above.
         Self(unsafe { vabsq_f32(self.0) })
     }
-
-    lanewise! { div vdivq_f32 }
 
     #[inline(always)]
     fn max_lane(self) -> Self {

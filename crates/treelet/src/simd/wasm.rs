@@ -8,7 +8,7 @@
 //! exchanged. The relaxed instructions, which may fuse or pick another minimum, are not used.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
 use core::arch::wasm32::*;
 
 /// Exists only where `simd128` does.
@@ -26,6 +26,12 @@ fn call<K: Kernel>(kernel: K) -> K::Output {
     kernel.run(Simd128(()))
 }
 
+/// A function, never inlined.
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Simd128(()), a, b, c, d)
+}
+
 impl Simd for Simd128 {
     type F4 = F4;
     type F8 = Two<F4>;
@@ -35,6 +41,11 @@ impl Simd for Simd128 {
     #[inline(always)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         call(kernel)
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        apply::<F>(a, b, c, d)
     }
 
     /// There is no such instruction.
@@ -107,8 +118,16 @@ impl Floats<4> for F4 {
         lanes
     }
 
-    lanewise! { add f32x4_add sub f32x4_sub mul f32x4_mul }
+    lanewise! { add f32x4_add sub f32x4_sub mul f32x4_mul div f32x4_div }
     exchanged! { min f32x4_pmin max f32x4_pmax }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        let own = u32x4(1, 2, 4, 8);
+        let chosen = u32x4_ne(v128_and(u32x4_splat(bits), own), u32x4_splat(0));
+        Self(v128_bitselect(self.min(other).0, other.0, chosen))
+    }
+
     compare! { le f32x4_le i32x4_bitmask lt f32x4_lt i32x4_bitmask }
 }
 
@@ -122,8 +141,6 @@ impl Four for F4 {
     fn abs(self) -> Self {
         Self(f32x4_abs(self.0))
     }
-
-    lanewise! { div f32x4_div }
 
     #[inline(always)]
     fn max_lane(self) -> Self {
