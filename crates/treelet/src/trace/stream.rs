@@ -41,7 +41,7 @@ use super::record::{
 use super::structure::{Get, Layout, Structure};
 use super::walk::{Found, Visitor, walk_from};
 use crate::bounds::{Aabb, Interval};
-use crate::geometry::block::{self, Block};
+use crate::geometry::block::{self, BlockTest};
 use crate::geometry::bundle::Bundle;
 use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Node, Wide as WideTree};
 use crate::math::Ray;
@@ -491,7 +491,8 @@ fn leaf_of_one<'a, S: Simd, A: Answers<'a>>(
     let range = Interval { entry: record.0[T_MIN], exit: record.0[T_MAX] };
     let (slab, clip) = (&ray.slab, &Interval::ALL);
     let Leaf { rows, count, .. } = leaf;
-    let hits = simd.call(Block { rows, count, ray: &ray.triangle, slab, clip, range });
+    let ray = (&ray.triangle, slab);
+    let hits = simd.apply::<BlockTest<'_, _>>((rows, count), ray, clip, (range.entry, range.exit));
     let mut mask = hits.mask;
     if mask == 0 {
         return;
