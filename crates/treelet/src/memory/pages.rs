@@ -18,6 +18,7 @@ use core::ptr::NonNull;
 /// Cache lines, and the widest vector register.
 const ALIGN_MIN: usize = 64;
 /// A huge page of x86-64 and of most AArch64 systems.
+#[cfg(any(test, all(unix, feature = "std")))]
 const HUGE: usize = 2 << 20;
 
 /// Types for which all bits zero is a value, and which need no `Drop`.
