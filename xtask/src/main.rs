@@ -3,6 +3,7 @@
 
 mod architecture;
 mod formatting;
+mod levels;
 mod rivals;
 mod setup;
 mod step;
@@ -17,6 +18,7 @@ usage: cargo xtask <chore>
 
   test           set up, then every check: formatting, lints, features, tests, docs, architecture
   architecture   only: who may know whom, where `unsafe` may stand, whether the map is true
+  levels         only: tests at the instruction sets of other processors, NEON and WebAssembly's
   rivals         fetch what `treelet bench --against embree` needs";
 
 fn main() -> ExitCode {
@@ -25,6 +27,7 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["test"] => test::run(&root()),
         ["architecture"] => architecture::run(&root()),
+        ["levels"] => levels::run(&root()),
         ["rivals"] => rivals::run(&root()),
         ["help" | "--help" | "-h"] => {
             eprintln!("{USAGE}");

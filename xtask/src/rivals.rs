@@ -51,7 +51,7 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
 }
 
 /// Cargo's target folder.
-fn target(root: &Path) -> PathBuf {
+pub(crate) fn target(root: &Path) -> PathBuf {
     let named = std::env::var_os("CARGO_TARGET_DIR").map(PathBuf::from);
     named.map_or_else(|| root.join("target"), |folder| root.join(folder))
 }

@@ -74,6 +74,19 @@ pub(crate) fn announced(command: &mut Command, shown: &str) -> Result<(), String
     }
 }
 
+/// What a command prints, without the end of the last line.
+pub(crate) fn output(command: &mut Command) -> Result<String, String> {
+    let name = command.get_program().display().to_string();
+    let told = |what: String| format!("`{name}` {what}");
+    match command.stderr(Stdio::inherit()).output() {
+        Ok(output) if output.status.success() => {
+            Ok(String::from_utf8_lossy(&output.stdout).trim_end().to_owned())
+        }
+        Ok(output) => Err(told(format!("ended with {}", output.status))),
+        Err(error) => Err(told(format!("could not be started: {error}"))),
+    }
+}
+
 /// Whether `cargo <subcommand> --version` works; its output is swallowed.
 pub(crate) fn cargo_has(root: &Path, subcommand: &str) -> bool {
     let mut command = cargo_command(root);

@@ -7,7 +7,7 @@
 use std::path::Path;
 
 use crate::step::{Steps, cargo, cargo_has, cargo_with};
-use crate::{architecture, formatting, setup};
+use crate::{architecture, formatting, levels, setup};
 
 /// The profile of every step, as Cargo's options name it.
 const PROFILE: &str = "--profile=checked";
@@ -17,7 +17,7 @@ const DOC_FLAGS: &[(&str, &str)] = &[("RUSTDOCFLAGS", "-D warnings")];
 
 /// Runs every check.
 pub(crate) fn run(root: &Path) -> Result<(), String> {
-    let mut steps = Steps::new(9);
+    let mut steps = Steps::new(10);
     steps.run("set-up", || setup::run(root))?;
     // The checks that need no compiling come first.
     steps.run("architecture", || architecture::run(root))?;
@@ -33,6 +33,7 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
     steps.run("documentation", || {
         cargo_with(root, &["doc", "--workspace", "--no-deps", PROFILE], DOC_FLAGS)
     })?;
+    steps.run("tests at other instruction sets", || levels::run_where_possible(root))?;
     steps.finish();
     Ok(())
 }

@@ -5,6 +5,26 @@
 pub mod awkward;
 pub mod closed;
 
+use std::sync::OnceLock;
+
+/// How often a test does something: `full` times, or one `TREELET_TEST_SHARE`-th of that, for
+/// programs that run in an emulator. What a test demands to have seen shrinks along.
+///
+/// # Panics
+///
+/// If `TREELET_TEST_SHARE` is set to anything but a number from 1 on.
+pub fn rounds(full: usize) -> usize {
+    static SHARE: OnceLock<usize> = OnceLock::new();
+    let share = SHARE.get_or_init(|| match std::env::var("TREELET_TEST_SHARE") {
+        Err(_) => 1,
+        Ok(word) => match word.parse() {
+            Ok(share @ 1..) => share,
+            _ => panic!("TREELET_TEST_SHARE is '{word}'; it must be a number from 1 on"),
+        },
+    });
+    full.div_ceil(*share)
+}
+
 /// Vertex positions and triangles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shape {

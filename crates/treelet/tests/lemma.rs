@@ -5,6 +5,7 @@ use treelet::bounds::{Aabb, Interval, SlabRay};
 use treelet::geometry::clip::clipped_bounds;
 use treelet::geometry::{Meeting, TriangleRay};
 use treelet::verify::Random;
+use treelet_testkit::rounds;
 
 const SEED: u64 = 0x1E44A;
 
@@ -45,7 +46,7 @@ fn odd(random: &mut Random) -> f32 {
 #[test]
 fn intervals_of_nested_boxes_are_nested() {
     let mut random = Random::new(SEED);
-    for round in 0..2_000_000 {
+    for round in 0..rounds(2_000_000) {
         // Planes are chosen among few values, the origin's own included: differences of zero
         // times an infinite reciprocal are what goes wrong first.
         let pool: [f32; 5] = std::array::from_fn(|_| odd(&mut random));
@@ -181,7 +182,7 @@ fn meet(case: &Case, corners: &Corners) -> Option<Meeting> {
 fn accepted_t_lies_in_every_box_around_the_triangle() {
     let mut random = Random::new(SEED);
     let mut hits = 0;
-    for round in 0..500_000 {
+    for round in 0..rounds(500_000) {
         let case = case(&mut random);
         if !valid(&case) {
             continue;
@@ -212,7 +213,7 @@ fn accepted_t_lies_in_every_box_around_the_triangle() {
             assert!(within(&clip), "round {round}, {case:?}: {t} is not in {clip:?}");
         }
     }
-    assert!(hits > 300_000, "only {hits} hits");
+    assert!(hits > rounds(300_000), "only {hits} hits");
 }
 
 /// The triangle in f64 as the ray sees it: sheared, z along the ray. Exact to `2^-50 R`.
@@ -245,7 +246,7 @@ const BAND: f64 = 6.0 * core::f64::consts::SQRT_2;
 fn hits_are_hits_and_misses_are_misses() {
     let mut random = Random::new(SEED);
     let (mut hits, mut misses, mut close) = (0, 0, 0);
-    for round in 0..2_000_000 {
+    for round in 0..rounds(2_000_000) {
         let case = case(&mut random);
         if !valid(&case) {
             continue;
@@ -264,14 +265,17 @@ fn hits_are_hits_and_misses_are_misses() {
             close += 1;
         }
     }
-    assert!(hits > 300_000 && misses > 300_000 && close > 50_000, "{hits} {misses} {close}");
+    assert!(
+        hits > rounds(300_000) && misses > rounds(300_000) && close > rounds(50_000),
+        "{hits} {misses} {close}"
+    );
 }
 
 #[test]
 fn the_ray_is_at_t_where_the_weights_are() {
     let mut random = Random::new(SEED);
     let (mut hits, mut worst) = (0, 0.0_f64);
-    for round in 0..2_000_000 {
+    for round in 0..rounds(2_000_000) {
         let case = case(&mut random);
         let got = if valid(&case) { meet(&case, &case.corners) } else { None };
         let Some(Meeting { t, u, v }) = got else { continue };
@@ -296,7 +300,7 @@ fn the_ray_is_at_t_where_the_weights_are() {
         assert!(off <= 10.0 * unit, "round {round}, {case:?}: off by {} u R", off / unit);
     }
     eprintln!("at most {worst:.2} u R between the ray and the weights' point");
-    assert!(hits > 500_000, "only {hits} hits");
+    assert!(hits > rounds(500_000), "only {hits} hits");
 }
 
 /// The lemma for triangles in pieces (`build::split_sah`): of the boxes around the parts on both
@@ -306,7 +310,7 @@ fn the_ray_is_at_t_where_the_weights_are() {
 fn accepted_t_lies_in_the_box_of_a_part() {
     let mut random = Random::new(SEED);
     let (mut hits, mut cut, mut worst) = (0, 0, 0.0_f64);
-    for round in 0..1_000_000 {
+    for round in 0..rounds(1_000_000) {
         let case = case(&mut random);
         let got = if valid(&case) { meet(&case, &case.corners) } else { None };
         let Some(Meeting { t, .. }) = got else { continue };
@@ -354,13 +358,13 @@ fn accepted_t_lies_in_the_box_of_a_part() {
     }
     eprintln!("at most {worst:.2} u R between the ray and the nearest part");
     assert!(worst <= 8.0, "{worst} u R");
-    assert!(hits > 250_000 && cut > 200_000, "only {hits} hits, {cut} cut");
+    assert!(hits > rounds(250_000) && cut > rounds(200_000), "only {hits} hits, {cut} cut");
 }
 
 #[test]
 fn the_order_of_corners_does_not_matter() {
     let mut random = Random::new(SEED);
-    for round in 0..500_000 {
+    for round in 0..rounds(500_000) {
         let case = case(&mut random);
         if !valid(&case) {
             continue;
@@ -382,7 +386,7 @@ fn neighbours_never_both_reject_their_edge() {
     // A fan around a corner: the ray goes near its middle, so some triangle of it must be hit.
     let mut random = Random::new(SEED);
     let (mut rays, mut edges) = (0, 0);
-    for round in 0..300_000 {
+    for round in 0..rounds(300_000) {
         let spokes = 3 + random.below(4) as usize;
         let size = 2.0_f32.powi([0, -60, 59, 10][random.below(4) as usize]);
         let offset = [(); 3].map(|()| random.between(-4.0, 4.0) * size);

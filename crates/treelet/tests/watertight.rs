@@ -3,7 +3,7 @@
 use treelet::build::{self, Builder};
 use treelet::verify::Random;
 use treelet::{Affine, BuildOptions, Hit, Mesh, Ray, Scene};
-use treelet_testkit::{Shape, closed};
+use treelet_testkit::{Shape, closed, rounds};
 
 const SEED: u64 = 0x5EA1;
 
@@ -92,6 +92,7 @@ impl Closed {
 
 /// Panics with the first of `rays` rays that is invalid or meets nothing.
 fn hold(name: &str, scene: &Scene, rays: usize, mut ray: impl FnMut() -> Ray) {
+    let rays = rounds(rays);
     let (mut asked, mut leaks, mut first) = (0, 0, None);
     while asked < rays {
         let block: Vec<Ray> = (0..BLOCK.min(rays - asked)).map(|_| ray()).collect();
@@ -209,7 +210,7 @@ fn for_directions_of_every_length() {
     for power in (-126..=127).step_by(2) {
         let mut random = Random::new(SEED ^ power as u64);
         let mut rays = Vec::new();
-        while rays.len() < 4000 {
+        while rays.len() < rounds(4000) {
             let mut direction = random.direction();
             direction[random.below(3) as usize] *= 2.0_f32.powi(-(random.below(20) as i32));
             let longest = direction.iter().fold(0.0_f32, |longest, x| longest.max(x.abs()));
@@ -220,7 +221,7 @@ fn for_directions_of_every_length() {
         if rays.iter().all(Ray::is_valid) {
             let mut next = rays.iter().copied();
             let name = format!("sphere, directions of length 2^{power}");
-            hold(&name, &closed.scene, rays.len(), || next.next().unwrap());
+            hold(&name, &closed.scene, 4000, || next.next().unwrap());
         } else {
             assert!(!(-96..=120).contains(&power), "2^{power} is a usual length");
         }

@@ -13,6 +13,7 @@ use crate::geometry::Mesh;
 use crate::layout::lower::{Packed, lower};
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
+use alloc::string::ToString;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 

@@ -35,8 +35,8 @@ impl LayoutChoice {
     /// Every layout, in the catalogue's order.
     pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16];
 
-    /// 16 children fill the vectors of AVX-512, 8 those of AVX2; with narrower vectors, fewer boxes
-    /// that are tested in vain count for more than fewer visits.
+    /// 16 children fill the vectors of AVX-512, 8 those of AVX2; with narrower vectors (SSE4.2, NEON,
+    /// `simd128`), fewer boxes that are tested in vain count for more than fewer visits.
     pub fn best_for(level: Level) -> Self {
         match level {
             #[cfg(target_arch = "x86_64")]

@@ -221,7 +221,9 @@ mod portable {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
+    use super::F4;
+    use super::portable::F4 as Portable;
+    use alloc::vec::Vec;
 
     /// Every operation of both kinds of lanes gives the same bits, NaN and infinities included.
     #[test]
@@ -266,5 +268,5 @@ mod tests {
         };
     }
     answers!(sse_or_portable, F4);
-    answers!(portable_only, portable::F4);
+    answers!(portable_only, Portable);
 }

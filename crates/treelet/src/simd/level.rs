@@ -30,6 +30,12 @@ pub enum Level {
     /// AVX-512 F, VL, BW and DQ, 512 bits.
     #[cfg(target_arch = "x86_64")]
     Avx512,
+    /// NEON, 128 bits: part of every 64-bit ARM processor that has floating point.
+    #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+    Neon,
+    /// WebAssembly's `simd128`: there in programs that are compiled with it.
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    Simd128,
 }
 
 /// Work that is generic in the instruction set.
@@ -50,6 +56,10 @@ impl Level {
         Self::Avx2,
         #[cfg(target_arch = "x86_64")]
         Self::Avx512,
+        #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+        Self::Neon,
+        #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+        Self::Simd128,
     ];
 
     /// The best level that this processor has. Asked once a program, then remembered by `std`.
@@ -67,6 +77,10 @@ impl Level {
             Self::Avx2 => "avx2",
             #[cfg(target_arch = "x86_64")]
             Self::Avx512 => "avx512",
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Self::Neon => "neon",
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128 => "simd128",
         }
     }
 
@@ -87,6 +101,11 @@ impl Level {
             Self::Avx512 => has!(
                 "avx512f", "avx512vl", "avx512bw", "avx512dq", "bmi1", "bmi2", "lzcnt", "popcnt"
             ),
+            // The compiler was told so.
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Self::Neon => true,
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Self::Simd128 => true,
         }
     }
 
@@ -123,6 +142,11 @@ impl Checked {
             // SAFETY: as above.
             #[cfg(target_arch = "x86_64")]
             Level::Avx512 => unsafe { super::avx512::run(kernel) },
+            // SAFETY: the program is compiled for processors that have it.
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => unsafe { super::neon::run(kernel) },
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Level::Simd128 => super::wasm::run(kernel),
         }
     }
 }

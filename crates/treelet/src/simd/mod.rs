@@ -20,10 +20,14 @@ mod avx2;
 mod avx512;
 pub(crate) mod f4;
 mod level;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+mod neon;
 mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod sse42;
 mod two;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+mod wasm;
 
 pub use level::Level;
 pub(crate) use level::{Checked, Kernel};

@@ -1,6 +1,6 @@
 //! Every level against the scalar one, bit for bit, on values that do something odd.
 
-use super::{Checked, Doubles, Floats, Kernel, Level, Simd, Wide};
+use super::{Checked, Doubles, Floats, Four, Kernel, Level, Simd, Wide};
 use alloc::vec::Vec;
 
 const ODD: [f32; 16] = [
@@ -35,6 +35,7 @@ impl Kernel for Everything {
             floats::<S, 16>(simd, shift, &mut bits);
             floats::<S, 8>(simd, shift, &mut bits);
             doubles(simd, shift, &mut bits);
+            four(simd, shift, &mut bits);
         }
         for mask in 0..=0xFFFF {
             bits.extend(packed::<S, 16>(simd, mask));
@@ -75,6 +76,21 @@ fn doubles<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
             [a.add(b).mul(third), a.sub(b.mul(third)), a.mul(b), a.div(b), a.min(b), a.max(b)];
         bits.extend(all.iter().flat_map(|v| v.narrow().lanes()).map(narrow_bits));
         bits.push(u64::from(a.lt(b)));
+    }
+}
+
+#[inline(always)]
+fn four<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
+    for first in [0, 4, 8, 12] {
+        let a: [f32; 4] = core::array::from_fn(|lane| ODD[first + lane]);
+        let b: [f32; 4] = core::array::from_fn(|lane| ODD[(first + lane + shift) % 16]);
+        // Without NaN and negative zero: lanes are compared in any order.
+        let size = b.map(|x| if x.is_nan() { 7.0 } else { x.abs() });
+        let negative = size.map(|x| -1.0 - x);
+        let [a, b, size, negative] = [a, b, size, negative].map(|x| S::F4::load(simd, &x));
+        let all = [a.xyzz(), a.abs(), a.div(b), size.max_lane(), negative.max_lane()];
+        bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
+        bits.push(u64::from(a.signs()));
     }
 }
 

@@ -1,0 +1,181 @@
+//! WebAssembly's `simd128`. Vectors of 4 f32 or 2 f64.
+//!
+//! An engine without these instructions refuses a module that has them anywhere, so nothing can be
+//! asked at run time: the level is there where the program is compiled with
+//! `-C target-feature=+simd128`, and then its instructions are safe to call.
+//!
+//! `pmin(a, b)` is `b < a ? b : a` and `pmax(a, b)` is `a < b ? b : a`: ours with the operands
+//! exchanged. The relaxed instructions, which may fuse or pick another minimum, are not used.
+
+use super::two::{Two, TwoDoubles};
+use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use core::arch::wasm32::*;
+
+/// Exists only where `simd128` does.
+#[derive(Clone, Copy)]
+pub(crate) struct Simd128(());
+
+/// Runs `kernel` with `simd128`.
+pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Simd128(()))
+}
+
+/// The same, never inlined.
+#[inline(never)]
+fn call<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run(Simd128(()))
+}
+
+/// A function, never inlined.
+#[inline(never)]
+fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+    F::run(Simd128(()), a, b, c, d)
+}
+
+impl Simd for Simd128 {
+    type F4 = F4;
+    type F8 = Two<F4>;
+    type F16 = Two<Two<F4>>;
+    type D4 = Two<D2>;
+
+    #[inline(always)]
+    fn call<K: Kernel>(self, kernel: K) -> K::Output {
+        call(kernel)
+    }
+
+    #[inline(always)]
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        apply::<F>(a, b, c, d)
+    }
+
+    /// There is no such instruction.
+    #[inline(always)]
+    fn prefetch<T>(self, _: *const T) {}
+
+    const WIDE_DOUBLES: bool = false;
+    const COMPRESSES: bool = false;
+
+    #[inline(always)]
+    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
+        compress_by_bits(mask, items)
+    }
+}
+
+/// 4 x f32.
+#[derive(Clone, Copy)]
+pub(crate) struct F4(v128);
+
+/// 2 x f64.
+#[derive(Clone, Copy)]
+pub(crate) struct D2(v128);
+
+macro_rules! lanewise {
+    ($($name:ident $intrinsic:ident)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            Self($intrinsic(self.0, other.0))
+        })*
+    };
+}
+
+macro_rules! exchanged {
+    ($($name:ident $intrinsic:ident)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> Self {
+            Self($intrinsic(other.0, self.0))
+        })*
+    };
+}
+
+macro_rules! compare {
+    ($($name:ident $compare:ident $bits:ident)*) => {
+        $(#[inline(always)]
+        fn $name(self, other: Self) -> u32 {
+            u32::from($bits($compare(self.0, other.0)))
+        })*
+    };
+}
+
+impl Floats<4> for F4 {
+    type Token = Simd128;
+
+    #[inline(always)]
+    fn splat(_: Simd128, x: f32) -> Self {
+        Self(f32x4_splat(x))
+    }
+
+    #[inline(always)]
+    fn load(_: Simd128, lanes: &[f32; 4]) -> Self {
+        // SAFETY: 16 bytes are readable; they need not be aligned.
+        Self(unsafe { v128_load(lanes.as_ptr().cast()) })
+    }
+
+    #[inline(always)]
+    fn lanes(self) -> [f32; 4] {
+        let mut lanes = [0.0_f32; 4];
+        // SAFETY: 16 bytes are writable; they need not be aligned.
+        unsafe { v128_store(lanes.as_mut_ptr().cast(), self.0) };
+        lanes
+    }
+
+    lanewise! { add f32x4_add sub f32x4_sub mul f32x4_mul div f32x4_div }
+    exchanged! { min f32x4_pmin max f32x4_pmax }
+
+    #[inline(always)]
+    fn min_where(self, bits: u32, other: Self) -> Self {
+        let own = u32x4(1, 2, 4, 8);
+        let chosen = u32x4_ne(v128_and(u32x4_splat(bits), own), u32x4_splat(0));
+        Self(v128_bitselect(self.min(other).0, other.0, chosen))
+    }
+
+    compare! { le f32x4_le i32x4_bitmask lt f32x4_lt i32x4_bitmask }
+}
+
+impl Four for F4 {
+    #[inline(always)]
+    fn xyzz(self) -> Self {
+        Self(i32x4_shuffle::<0, 1, 2, 2>(self.0, self.0))
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        Self(f32x4_abs(self.0))
+    }
+
+    #[inline(always)]
+    fn max_lane(self) -> Self {
+        let pairs = self.max(Self(i32x4_shuffle::<2, 3, 0, 1>(self.0, self.0)));
+        pairs.max(Self(i32x4_shuffle::<1, 0, 3, 2>(pairs.0, pairs.0)))
+    }
+
+    #[inline(always)]
+    fn signs(self) -> u32 {
+        u32::from(i32x4_bitmask(self.0))
+    }
+}
+
+impl TwoDoubles for D2 {
+    type Token = Simd128;
+    type Narrow = F4;
+
+    #[inline(always)]
+    fn splat(_: Simd128, x: f64) -> Self {
+        Self(f64x2_splat(x))
+    }
+
+    #[inline(always)]
+    fn widen(narrow: F4) -> [Self; 2] {
+        let upper = i32x4_shuffle::<2, 3, 2, 3>(narrow.0, narrow.0);
+        [Self(f64x2_promote_low_f32x4(narrow.0)), Self(f64x2_promote_low_f32x4(upper))]
+    }
+
+    #[inline(always)]
+    fn narrow([lower, upper]: [Self; 2]) -> F4 {
+        let [lower, upper] = [f32x4_demote_f64x2_zero(lower.0), f32x4_demote_f64x2_zero(upper.0)];
+        F4(i32x4_shuffle::<0, 1, 4, 5>(lower, upper))
+    }
+
+    lanewise! { add f64x2_add sub f64x2_sub mul f64x2_mul div f64x2_div }
+    exchanged! { min f64x2_pmin max f64x2_pmax }
+    compare! { lt f64x2_lt i64x2_bitmask }
+}
