@@ -176,7 +176,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
             }
         }
         watcher.clear();
-        table::scene(&result.scene, &result.builds, &result.traces).iter().for_each(|line| say(line));
+        table::scene(&result.scene, &result.builds, &result.traces)
+            .iter()
+            .for_each(|line| say(line));
         report.scenes.push(result.scene);
         report.builds.extend(result.builds);
         report.traces.extend(result.traces);

@@ -94,7 +94,8 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let mut builders = Vec::new();
     let mut facts = Facts::default();
     for &builder in treelet::build::ALL {
-        let options = BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
+        let options =
+            BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
         let start = Instant::now();
         let placed = input.build(&options, session)?;
         builders.push(tree_report(&placed, builder.info().name, start.elapsed()));

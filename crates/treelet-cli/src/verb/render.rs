@@ -16,9 +16,9 @@ use crate::ending::{Ending, Failure};
 use crate::input::{self, Input, InvalidFlag, SceneFlags};
 use crate::output::Output;
 use crate::progress::Line;
-use crate::tree_flags::TreeFlags;
 use crate::session::{Outcome, Session, say};
 use crate::text;
+use crate::tree_flags::TreeFlags;
 
 /// Seconds of passes where neither --spp nor --time is given: with reading, building and writing,
 /// the whole job stays under a minute on two cores.

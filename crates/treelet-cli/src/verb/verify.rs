@@ -116,7 +116,8 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
     let mut candidates: Vec<Candidate> = Vec::new();
     for &builder in treelet::build::ALL {
-        let options = BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
+        let options =
+            BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
         let placed = input.build(&options, session)?;
         if candidates.is_empty() {
             input::warn_of_skipped(&placed);

@@ -159,10 +159,8 @@ struct Table {
 }
 
 impl Table {
-    const EMPTY: Self = Self {
-        faces: [[0.0; PADDED]; 6],
-        pairs: [[Pair::INFINITY; RADIUS + JOINED_MAX]; RADIUS],
-    };
+    const EMPTY: Self =
+        Self { faces: [[0.0; PADDED]; 6], pairs: [[Pair::INFINITY; RADIUS + JOINED_MAX]; RADIUS] };
 
     fn fill(&mut self, clusters: &[Cluster]) {
         for (at, cluster) in clusters.iter().enumerate() {
@@ -303,7 +301,12 @@ mod tests {
             open.push((group.to_vec(), level));
         }
 
-        fn finish(&self, open: &mut Self::Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster> {
+        fn finish(
+            &self,
+            open: &mut Self::Open,
+            count: usize,
+            below: &mut Below<'_>,
+        ) -> Vec<Cluster> {
             let groups = core::mem::take(open);
             let all = range(&groups, 0..groups.len(), below);
             naive_reduce(all, count, count, below)
@@ -314,7 +317,11 @@ mod tests {
         }
     }
 
-    fn range(groups: &[(Vec<Cluster>, u8)], of: Range<usize>, below: &mut Below<'_>) -> Vec<Cluster> {
+    fn range(
+        groups: &[(Vec<Cluster>, u8)],
+        of: Range<usize>,
+        below: &mut Below<'_>,
+    ) -> Vec<Cluster> {
         if of.len() == 1 {
             return groups[of.start].0.clone();
         }
@@ -433,7 +440,8 @@ mod tests {
     #[test]
     fn areas_beyond_f32_are_no_trouble() {
         for scale in [f32::MAX / 4.0, 1.0e25, 1.0e-30, 1.0e-38] {
-            let large = |b: &Aabb| Aabb { lo: b.lo.map(|x| x * scale), hi: b.hi.map(|x| x * scale) };
+            let large =
+                |b: &Aabb| Aabb { lo: b.lo.map(|x| x * scale), hi: b.hi.map(|x| x * scale) };
             let bounds: Vec<Aabb> = random_boxes(3000, 0.1, 1.0e6).iter().map(large).collect();
             let tree = Hploc::DEFAULT.build(&bounds, &Context::default()).unwrap();
             tree.validate(&bounds).unwrap_or_else(|error| panic!("{scale:e}: {error}"));

@@ -159,7 +159,8 @@ mod tests {
         scenes.push(("duplicates", (0..20_000).map(|_| coarse(&mut random)).collect()));
         scenes.push(("all equal", alloc::vec![at([0.5, 0.25, 8.0]); 9_001]));
         let speck = |x: f32| 1.0 + steps(x, 100.0) * f32::EPSILON;
-        let mut specks: Vec<_> = (0..20_000).map(|_| at([speck(random()), speck(random()), 1.0])).collect();
+        let mut specks: Vec<_> =
+            (0..20_000).map(|_| at([speck(random()), speck(random()), 1.0])).collect();
         specks.push(at([9.0e5, -2.0e5, 3.0e5]));
         scenes.push(("a speck far from another", specks));
         // They differ in no bit that buckets are sorted by, but in the first word.
@@ -169,8 +170,12 @@ mod tests {
         scenes.push(("a crowd in a corner", crowd));
         let line = |i: u32| at([1.5_f32.powi((i % 150) as i32 - 70), 0.0, 0.0]);
         scenes.push(("lopsided", (0..20_000).map(line).collect()));
-        scenes.push(("huge", (0..3000).map(|_| at([(); 3].map(|()| (random() - 0.5) * f32::MAX))).collect()));
-        scenes.push(("tiny", (0..3000).map(|_| at([(); 3].map(|()| random() * 1.0e-38))).collect()));
+        scenes.push((
+            "huge",
+            (0..3000).map(|_| at([(); 3].map(|()| (random() - 0.5) * f32::MAX))).collect(),
+        ));
+        scenes
+            .push(("tiny", (0..3000).map(|_| at([(); 3].map(|()| random() * 1.0e-38))).collect()));
         scenes.push(("flat", (0..9000).map(|_| at([random(), 3.0, random() * 1.0e-3])).collect()));
         for (name, bounds) in &scenes {
             for leaf_max in [1, 4, 5, 64] {

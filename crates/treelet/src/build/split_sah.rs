@@ -104,8 +104,15 @@ pub struct SplitSah {
 
 impl SplitSah {
     /// Sixteen bins, leaves of up to four, at most half as many references again.
-    pub const DEFAULT: Self =
-        Self { leaf_max: 4, bins: 16, visit_cost: 1.0, overlap_min: 1e-4, node_overlap_min: 0.1, advantage: 0.95, budget: 0.2 };
+    pub const DEFAULT: Self = Self {
+        leaf_max: 4,
+        bins: 16,
+        visit_cost: 1.0,
+        overlap_min: 1e-4,
+        node_overlap_min: 0.1,
+        advantage: 0.95,
+        budget: 0.2,
+    };
 }
 
 impl Builder for SplitSah {
@@ -254,9 +261,13 @@ impl Build<'_> {
                 match task? {
                     (task, None) => line.push(task),
                     (mut task, Some((sides, right))) => {
-                        let [a, b] = divide(&mut nodes, &task.range, &sides, task.refs.len(), right);
+                        let [a, b] =
+                            divide(&mut nodes, &task.range, &sides, task.refs.len(), right);
                         let left = task.refs.split_off(right);
-                        line.extend([Task { range: a, refs: left }, Task { range: b, refs: task.refs }]);
+                        line.extend([
+                            Task { range: a, refs: left },
+                            Task { range: b, refs: task.refs },
+                        ]);
                     }
                 }
             }
@@ -341,8 +352,7 @@ impl Build<'_> {
                 _ => self.spatial_plane(here, range)?.filter(|plane| plane.cost < limit),
             };
             let best = spatial.as_ref().map_or(object_cost, |plane| plane.cost);
-            let split_pays =
-                best + f64::from(self.options.visit_cost) * area < count as f64 * area;
+            let split_pays = best + f64::from(self.options.visit_cost) * area < count as f64 * area;
             if count <= self.options.leaf_max as usize && !split_pays {
                 return Ok(None);
             }
@@ -663,8 +673,12 @@ impl Build<'_> {
         };
         let bins = self.fill(refs, drop_in)?;
         let best = cheapest(&grid, &bins, usize::MAX);
-        Ok(best.map(|Candidate { axis, bin, cost, bounds, counts }| {
-            SpatialPlane { axis, at: grid.plane(bin, axis), cost, bounds, counts }
+        Ok(best.map(|Candidate { axis, bin, cost, bounds, counts }| SpatialPlane {
+            axis,
+            at: grid.plane(bin, axis),
+            cost,
+            bounds,
+            counts,
         }))
     }
 

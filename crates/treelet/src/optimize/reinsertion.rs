@@ -257,7 +257,10 @@ mod tests {
                 let mut moved = taken_apart(tree.clone());
                 moved.reinsert(node, target);
                 let saved = before - inner_area(&moved);
-                assert!((saved - gain).abs() < before * 1e-12, "{node} to {target}: {saved} {gain}");
+                assert!(
+                    (saved - gain).abs() < before * 1e-12,
+                    "{node} to {target}: {saved} {gain}"
+                );
                 let tree = moved.into_tree(&crate::Cancel::new()).unwrap();
                 tree.validate(&bounds).unwrap_or_else(|e| panic!("{node} to {target}: {e}"));
                 moves += 1;
