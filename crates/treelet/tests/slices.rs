@@ -5,7 +5,7 @@ use treelet::scene::LayoutChoice;
 use treelet::simd::Level;
 use treelet::verify::{self, Random};
 use treelet::{Affine, BuildOptions, Hit, Mesh, Ray, Scene, SceneBuilder};
-use treelet_testkit::{Shape, awkward, closed};
+use treelet_testkit::{Shape, awkward, closed, rounds};
 
 const SEED: u64 = 0x511CE;
 
@@ -121,7 +121,7 @@ fn slices_answer_like_single_rays_on_awkward_scenes() {
         for options in walks() {
             let scene = Scene::builder().mesh(mesh(&awkward.shape)).build(&options).unwrap();
             let name = format!("{}, {}, {:?}", awkward.name, options.level.name(), options.layout);
-            let rays = mixed(&scene, 500);
+            let rays = mixed(&scene, rounds(500));
             check(&name, &scene, &rays);
             check(&format!("{name}, shuffled"), &scene, &shuffled(rays));
         }
@@ -145,7 +145,7 @@ fn slices_answer_like_single_rays_among_instances_and_masks() {
                 .instance(&sphere, Affine::IDENTITY),
         );
         let name = format!("instances, {}, {:?}", options.level.name(), options.layout);
-        let rays = mixed(&scene, 1000);
+        let rays = mixed(&scene, rounds(1000));
         check(&name, &scene, &rays);
         check(&format!("{name}, shuffled"), &scene, &shuffled(rays));
     }
