@@ -28,7 +28,7 @@ impl Engine for Wrong {
         "0".into()
     }
     fn variants(&self) -> Vec<String> {
-        vec!["binned-sah".into(), "sweep-sah".into()]
+        vec!["default".into(), "sweep-sah".into()]
     }
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
         Ok(Box::new(WrongBuilt(Treelet.build(variant, triangles)?)))
@@ -80,7 +80,7 @@ fn plan() -> Plan {
         rays: RAYS,
         rounds: Rounds { count: 2, seconds: 0.0 },
         clock: Clock::Wall,
-        builders: vec!["binned-sah".into()],
+        builders: vec!["default".into()],
         variants: Vec::new(),
     }
 }
@@ -122,7 +122,7 @@ fn marks_without_embree_are_not_measured_but_bytes_are() {
     let result = measure("wrong").unwrap();
     let marks = marks::marks(&[result.scene], &result.builds, &result.traces);
     for mark in &marks {
-        let bytes = mark.what.starts_with("bytes a triangle, binned-sah");
+        let bytes = mark.what.starts_with("bytes a triangle, default");
         assert_eq!(mark.standing != Standing::NotMeasured, bytes, "{}", mark.what);
     }
     assert!(marks.len() > 30);
@@ -149,7 +149,7 @@ fn marks_compare_with_embree() {
     }
     let marks = marks::marks(&[result.scene], &result.builds, &result.traces);
     let mark =
-        marks.iter().find(|mark| mark.what.starts_with("single primary, binned-sah / Embree M"));
+        marks.iter().find(|mark| mark.what.starts_with("single primary, default / Embree M"));
     let mark = mark.unwrap();
     assert_eq!((mark.mean, mark.worst, mark.cells), (Some(0.5), Some(0.5), 1));
     assert_eq!(mark.standing, Standing::NotMet);

@@ -172,6 +172,7 @@ fn maps_show_what_rays_meet() {
     let [middle, corner] = [depth.pixels()[16 * 33 + 16], depth.pixels()[0]];
     // The face is 4 away; the scale ends at 5.
     assert_eq!((middle[0], corner), ((250.0 - 210.0 * 0.8f32) as u8, [24, 26, 32]));
-    let visits = renderer.aov(Aov::Visits, &Cancel::new()).unwrap();
-    assert_ne!(visits.pixels()[16 * 33 + 16], visits.pixels()[0]);
+    // A box is one node, which every ray visits; triangles are tested where it is.
+    let tests = renderer.aov(Aov::Tests, &Cancel::new()).unwrap();
+    assert_ne!(tests.pixels()[16 * 33 + 16], tests.pixels()[0]);
 }

@@ -38,19 +38,18 @@ impl Engine for Treelet {
     }
 
     fn variants(&self) -> Vec<String> {
-        let mut variants = self.usual_variants();
-        for builder in self.usual_variants() {
-            let layouts = layouts().map(|(name, _)| name);
-            let levels =
-                Level::ALL.iter().filter(|level| level.is_available()).map(|level| level.name());
-            variants.extend(layouts.chain(levels).map(|name| format!("{builder} {name}")));
-        }
-        variants
+        let builders = build::ALL.iter().map(|builder| builder.info().name.to_owned());
+        let plain: Vec<_> = self.usual_variants().into_iter().chain(builders).collect();
+        let levels =
+            Level::ALL.iter().filter(|level| level.is_available()).map(|level| level.name());
+        let words: Vec<_> = layouts().map(|(name, _)| name).chain(levels).collect();
+        let with = |name: &String| words.iter().map(|word| format!("{name} {word}")).collect();
+        let more: Vec<Vec<String>> = plain.iter().map(with).collect();
+        plain.into_iter().chain(more.into_iter().flatten()).collect()
     }
 
     fn usual_variants(&self) -> Vec<String> {
-        let builders = build::ALL.iter().map(|builder| builder.info().name);
-        Quality::ALL.map(Quality::name).into_iter().chain(builders).map(str::to_owned).collect()
+        Quality::ALL.map(|quality| quality.name().to_owned()).to_vec()
     }
 
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {

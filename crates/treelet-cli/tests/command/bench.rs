@@ -15,13 +15,13 @@ fn a_small_bench_has_the_promised_form() {
     let json = run.json("bench");
     assert!(json["machine"]["processor"].is_string());
 
-    let builders = treelet::build::ALL.len();
+    let levels = treelet::Quality::ALL.len();
     let builds = json["builds"].as_array().unwrap();
-    assert_eq!(builds.len(), 2 * builders);
+    assert_eq!(builds.len(), 2 * levels);
     for build in builds {
         assert_eq!(build["engine"], "treelet");
         assert_eq!(build["threads"], 1);
-        assert!(treelet::build::by_name(build["variant"].as_str().unwrap()).is_some());
+        assert!(treelet::Quality::by_name(build["variant"].as_str().unwrap()).is_some());
         let triangles = if build["scene"] == "scene" { 6 } else { 512 };
         assert_eq!(build["triangles"], triangles);
         for field in ["mtris_per_s", "bytes_per_tri"] {
@@ -33,7 +33,7 @@ fn a_small_bench_has_the_promised_form() {
 
     let traces = json["traces"].as_array().unwrap();
     // One ray a call and two lengths of slices, five kinds.
-    assert_eq!(traces.len(), 2 * builders * 3 * 5);
+    assert_eq!(traces.len(), 2 * levels * 3 * 5);
     for trace in traces {
         for field in ["scene", "engine", "variant", "kind"] {
             assert!(trace[field].is_string(), "{field}: {trace}");
