@@ -75,7 +75,9 @@ pub enum BuildError {
         allowed: &'static str,
     },
     /// More primitives than indices.
-    #[error("{prims} primitives in one tree; the limit is 2^31: split the scene into instances")]
+    #[error(
+        "{prims} primitives in one tree; the limit is 2^29 - 8: split the scene into instances"
+    )]
     TooManyPrims {
         /// How many.
         prims: u64,

@@ -24,6 +24,7 @@
 use crate::bounds::Aabb;
 use crate::build::Info;
 use crate::memory::{Pages, zeroed};
+use crate::tree::PRIMS_MAX;
 
 /// The catalogue's entry for 8 children.
 pub const INFO_8: Info = Info {
@@ -46,8 +47,8 @@ pub(super) const SLOTS_MAX: usize = 16;
 pub const LEAF_MAX: usize = 4;
 
 /// The most entries of all leaves of a level: child words have 29 bits for them, and the last words
-/// mean something else.
-pub const ENTRIES_MAX: usize = (1 << 29) - 8;
+/// mean something else. Primitives that are in several leaves count as often.
+pub const ENTRIES_MAX: usize = PRIMS_MAX;
 
 /// 32-bit words that a leaf stores for each triangle.
 pub const TRIANGLE_WORDS: usize = 10;

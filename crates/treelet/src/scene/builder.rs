@@ -141,7 +141,7 @@ impl SceneBuilder {
     /// # Errors
     ///
     /// Invalid input where [`Invalid::Error`] is chosen, a builder's option out of range, more than
-    /// 2^31 primitives on this level, more than 2^64 paths, cancellation, memory.
+    /// 2^29 - 8 primitives on this level, more than 2^64 paths, cancellation, memory.
     pub fn build(self, options: &BuildOptions<'_>) -> Result<Scene, SceneError> {
         assemble::assemble(self, options)
     }

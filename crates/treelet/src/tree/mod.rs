@@ -84,8 +84,9 @@ fn index(i: usize) -> u32 {
     i as u32
 }
 
-/// The most primitives that one tree holds: its `2n - 1` nodes are numbered by a u32.
-pub const PRIMS_MAX: usize = 1 << 31;
+/// The most primitives that one tree holds, a little less than 2^29: leaves of the layouts have 29
+/// bits for them, and the last few words mean something else.
+pub const PRIMS_MAX: usize = (1 << 29) - 8;
 
 /// A binary bounding volume hierarchy. The tree of nothing has no nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
