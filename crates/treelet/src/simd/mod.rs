@@ -1,10 +1,10 @@
 //! The wall: vectors of floats at every instruction set, behind traits that kernels are generic in.
 //!
-//! A kernel is written once, over [`Simd`], and compiled once a level: `Checked::run` enters a
+//! A kernel is written once, over `Simd`, and compiled once a level: `Checked::run` enters a
 //! function that is compiled for the level's instructions, and everything that is inlined into it is
 //! too. So kernels and all they call are `#[inline(always)]`.
 //!
-//! Safety: a level's token ([`Simd`] implementations) exists only inside that function, and no
+//! Safety: a level's token (`Simd` implementations) exists only inside that function, and no
 //! vector is made without a token; so whoever holds a vector may use the instructions it needs.
 //!
 //! Exactness: every operation below is one correctly rounded IEEE operation a lane, or a comparison;
