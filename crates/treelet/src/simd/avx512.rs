@@ -1,7 +1,7 @@
 //! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
-use super::{Doubles, Floats, Four, Function, Kernel, Simd};
+use super::{Doubles, Floats, Four, Function, Kernel, Shuffle, Simd};
 use core::arch::x86_64::*;
 
 /// Exists only where these parts of AVX-512 do.
@@ -211,6 +211,15 @@ impl Floats<4> for F4 {
 
     lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
+
+    #[inline(always)]
+    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+        Self(unsafe {
+            let bytes = _mm_cvtsi32_si128(i32::from_le_bytes(*bytes));
+            _mm_or_ps(self.0, _mm_castsi128_ps(_mm_cvtepu8_epi32(bytes)))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -240,6 +249,30 @@ impl Four for F4 {
         // SAFETY: as above.
         unsafe { _mm_movemask_ps(self.0) as u32 }
     }
+
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let shuffle = _mm_loadu_si128(shuffle.as_ptr().cast());
+            let addend = _mm_shuffle_epi8(_mm_loadu_si128(bytes.as_ptr().cast()), shuffle);
+            _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(self.0), addend))
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (_mm_unpacklo_ps(a.0, c.0), _mm_unpacklo_ps(b.0, d.0));
+            let (ac_z, bd_z) = (_mm_unpackhi_ps(a.0, c.0), _mm_unpackhi_ps(b.0, d.0));
+            [
+                Self(_mm_unpacklo_ps(ac, bd)),
+                Self(_mm_unpackhi_ps(ac, bd)),
+                Self(_mm_unpacklo_ps(ac_z, bd_z)),
+            ]
+        }
+    }
 }
 
 impl Floats<8> for F8 {
@@ -256,6 +289,16 @@ impl Floats<8> for F8 {
         min _mm256_min_ps max _mm256_max_ps
     }
     compare! { le _mm256_cmp_ps_mask _CMP_LE_OQ lt _mm256_cmp_ps_mask _CMP_LT_OQ }
+
+    #[inline(always)]
+    fn or_bytes(self, bytes: &[u8; 8]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
+        Self(unsafe {
+            let bytes = _mm256_cvtepu8_epi32(_mm_loadu_si64(bytes.as_ptr()));
+            _mm256_or_ps(self.0, _mm256_castsi256_ps(bytes))
+        })
+    }
 }
 
 impl Floats<16> for F16 {
@@ -272,6 +315,16 @@ impl Floats<16> for F16 {
         min _mm512_min_ps max _mm512_max_ps
     }
     compare! { le _mm512_cmp_ps_mask _CMP_LE_OQ lt _mm512_cmp_ps_mask _CMP_LT_OQ }
+
+    #[inline(always)]
+    fn or_bytes(self, bytes: &[u8; 16]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes are
+        // readable.
+        Self(unsafe {
+            let bytes = _mm512_cvtepu8_epi32(_mm_loadu_si128(bytes.as_ptr().cast()));
+            _mm512_or_ps(self.0, _mm512_castsi512_ps(bytes))
+        })
+    }
 }
 
 impl Doubles for D4 {

@@ -5,7 +5,7 @@
 //! bits: lanes are masked to a bit of their own each and summed.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Function, Kernel, Shuffle, Simd, compress_by_bits};
 use core::arch::aarch64::*;
 
 /// Exists only where NEON does.
@@ -173,6 +173,16 @@ impl Floats<4> for F4 {
     }
 
     compare! { le vcleq_f32 bits_4 lt vcltq_f32 bits_4 }
+
+    #[inline(always)]
+    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+        Self(unsafe {
+            let bytes = vcreate_u8(u64::from(u32::from_le_bytes(*bytes)));
+            let words = vmovl_u16(vget_low_u16(vmovl_u8(bytes)));
+            vreinterpretq_f32_u32(vorrq_u32(vreinterpretq_u32_f32(self.0), words))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -201,6 +211,31 @@ impl Four for F4 {
     fn signs(self) -> u32 {
         // SAFETY: as above.
         unsafe { bits_4(vcltzq_s32(vreinterpretq_s32_f32(self.0))) }
+    }
+
+    /// The instruction takes every byte from beyond the table as zero.
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let addend = vqtbl1q_u8(vld1q_u8(bytes.as_ptr()), vld1q_u8(shuffle.as_ptr()));
+            let sum = vaddq_u32(vreinterpretq_u32_f32(self.0), vreinterpretq_u32_u8(addend));
+            vreinterpretq_f32_u32(sum)
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (vzip1q_f32(a.0, c.0), vzip1q_f32(b.0, d.0));
+            let (ac_z, bd_z) = (vzip2q_f32(a.0, c.0), vzip2q_f32(b.0, d.0));
+            [
+                Self(vzip1q_f32(ac, bd)),
+                Self(vzip2q_f32(ac, bd)),
+                Self(vzip1q_f32(ac_z, bd_z)),
+            ]
+        }
     }
 }
 
