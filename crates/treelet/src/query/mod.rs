@@ -6,11 +6,15 @@ pub(crate) mod closest;
 pub(crate) mod count;
 pub(crate) mod many;
 
+use crate::layout::compact::Compact;
+use crate::layout::packing::Packing;
+use crate::layout::wide::Plain;
 use crate::math::Ray;
 use crate::simd::{Checked, Kernel, Simd};
 use crate::trace::counters::Count;
-use crate::trace::structure::{Layout, Structure};
+use crate::trace::structure::{Get, Layout, Structure};
 use crate::trace::walk::{Visitor, walk};
+use core::marker::PhantomData;
 
 /// Shows `visitor` the hits of a ray, none if it is not valid, with the structure's own instructions.
 #[inline]
@@ -39,28 +43,57 @@ fn ask_at<'a, V: Visitor<'a>, C: Count>(
     counters: &mut C,
 ) {
     match structure.layout {
-        Layout::Wide8(_) => level.run(Ask::<V, C, 8> { structure, ray, visitor, counters }),
-        Layout::Wide16(_) => level.run(Ask::<V, C, 16> { structure, ray, visitor, counters }),
+        Layout::Wide8(_) => {
+            level.run(Ask::<Plain, V, C, 8>::new(structure, ray, visitor, counters))
+        }
+        Layout::Wide16(_) => {
+            level.run(Ask::<Plain, V, C, 16>::new(structure, ray, visitor, counters));
+        }
+        Layout::Compact8(_) => {
+            level.run(Ask::<Compact, V, C, 8>::new(structure, ray, visitor, counters));
+        }
+        Layout::Compact16(_) => {
+            level.run(Ask::<Compact, V, C, 16>::new(structure, ray, visitor, counters));
+        }
     }
 }
 
 /// A walk through nodes of `W` children.
-struct Ask<'a, 'v, V, C, const W: usize> {
+struct Ask<'a, 'v, K, V, C, const W: usize> {
+    packing: PhantomData<K>,
     structure: &'a Structure,
     ray: &'v Ray,
     visitor: &'v mut V,
     counters: &'v mut C,
 }
 
+impl<'a, 'v, K, V, C, const W: usize> Ask<'a, 'v, K, V, C, W> {
+    #[inline(always)]
+    fn new(
+        structure: &'a Structure,
+        ray: &'v Ray,
+        visitor: &'v mut V,
+        counters: &'v mut C,
+    ) -> Self {
+        Self { packing: PhantomData, structure, ray, visitor, counters }
+    }
+}
+
 macro_rules! widths {
     ($($width:literal)*) => {
-        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Ask<'a, '_, V, C, $width> {
+        $(impl<'a, K, V, C> Kernel for Ask<'a, '_, K, V, C, $width>
+        where
+            K: Packing<$width>,
+            V: Visitor<'a>,
+            C: Count,
+            Layout: Get<K, $width>,
+        {
             type Output = ();
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, ray, visitor, counters } = self;
-                walk::<S, V, C, $width>(simd, structure, ray, visitor, counters);
+                let Self { structure, ray, visitor, counters, .. } = self;
+                walk::<K, S, V, C, $width>(simd, structure, ray, visitor, counters);
             }
         })*
     };

@@ -143,11 +143,12 @@ impl Floats<4> for F4 {
     }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
         Self(unsafe {
-            let bytes = _mm_cvtsi32_si128(i32::from_le_bytes(*bytes));
-            _mm_or_ps(self.0, _mm_castsi128_ps(_mm_cvtepu8_epi32(bytes)))
+            let words = _mm_cvtepu16_epi32(_mm_loadu_si64(halves.as_ptr().cast()));
+            _mm_or_ps(self.0, _mm_castsi128_ps(words))
         })
     }
 }
@@ -229,12 +230,12 @@ impl Floats<8> for F8 {
     }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 8]) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+    fn or_halves(self, halves: &[u16; 8]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes are
         // readable.
         Self(unsafe {
-            let bytes = _mm256_cvtepu8_epi32(_mm_loadu_si64(bytes.as_ptr()));
-            _mm256_or_ps(self.0, _mm256_castsi256_ps(bytes))
+            let words = _mm256_cvtepu16_epi32(_mm_loadu_si128(halves.as_ptr().cast()));
+            _mm256_or_ps(self.0, _mm256_castsi256_ps(words))
         })
     }
 }

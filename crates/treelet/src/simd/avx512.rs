@@ -213,11 +213,12 @@ impl Floats<4> for F4 {
     compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
         Self(unsafe {
-            let bytes = _mm_cvtsi32_si128(i32::from_le_bytes(*bytes));
-            _mm_or_ps(self.0, _mm_castsi128_ps(_mm_cvtepu8_epi32(bytes)))
+            let words = _mm_cvtepu16_epi32(_mm_loadu_si64(halves.as_ptr().cast()));
+            _mm_or_ps(self.0, _mm_castsi128_ps(words))
         })
     }
 }
@@ -291,12 +292,12 @@ impl Floats<8> for F8 {
     compare! { le _mm256_cmp_ps_mask _CMP_LE_OQ lt _mm256_cmp_ps_mask _CMP_LT_OQ }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 8]) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+    fn or_halves(self, halves: &[u16; 8]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes are
         // readable.
         Self(unsafe {
-            let bytes = _mm256_cvtepu8_epi32(_mm_loadu_si64(bytes.as_ptr()));
-            _mm256_or_ps(self.0, _mm256_castsi256_ps(bytes))
+            let words = _mm256_cvtepu16_epi32(_mm_loadu_si128(halves.as_ptr().cast()));
+            _mm256_or_ps(self.0, _mm256_castsi256_ps(words))
         })
     }
 }
@@ -317,12 +318,12 @@ impl Floats<16> for F16 {
     compare! { le _mm512_cmp_ps_mask _CMP_LE_OQ lt _mm512_cmp_ps_mask _CMP_LT_OQ }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 16]) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes are
+    fn or_halves(self, halves: &[u16; 16]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 32 bytes are
         // readable.
         Self(unsafe {
-            let bytes = _mm512_cvtepu8_epi32(_mm_loadu_si128(bytes.as_ptr().cast()));
-            _mm512_or_ps(self.0, _mm512_castsi512_ps(bytes))
+            let words = _mm512_cvtepu16_epi32(_mm256_loadu_si256(halves.as_ptr().cast()));
+            _mm512_or_ps(self.0, _mm512_castsi512_ps(words))
         })
     }
 }

@@ -66,8 +66,8 @@ pub(crate) trait Floats<const N: usize>: Copy {
     /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
     fn lt(self, other: Self) -> u32;
 
-    /// The bits of each lane, or those of a byte.
-    fn or_bytes(self, bytes: &[u8; N]) -> Self;
+    /// The bits of each lane, or those of a half word.
+    fn or_halves(self, halves: &[u16; N]) -> Self;
 }
 
 /// Which of 16 bytes become the bytes of four lanes; [`NO_BYTE`] for zero.

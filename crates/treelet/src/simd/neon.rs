@@ -175,11 +175,11 @@ impl Floats<4> for F4 {
     compare! { le vcleq_f32 bits_4 lt vcltq_f32 bits_4 }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instructions.
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
         Self(unsafe {
-            let bytes = vcreate_u8(u64::from(u32::from_le_bytes(*bytes)));
-            let words = vmovl_u16(vget_low_u16(vmovl_u8(bytes)));
+            let words = vmovl_u16(vld1_u16(halves.as_ptr()));
             vreinterpretq_f32_u32(vorrq_u32(vreinterpretq_u32_f32(self.0), words))
         })
     }
@@ -230,11 +230,7 @@ impl Four for F4 {
         unsafe {
             let (ac, bd) = (vzip1q_f32(a.0, c.0), vzip1q_f32(b.0, d.0));
             let (ac_z, bd_z) = (vzip2q_f32(a.0, c.0), vzip2q_f32(b.0, d.0));
-            [
-                Self(vzip1q_f32(ac, bd)),
-                Self(vzip2q_f32(ac, bd)),
-                Self(vzip1q_f32(ac_z, bd_z)),
-            ]
+            [Self(vzip1q_f32(ac, bd)), Self(vzip2q_f32(ac, bd)), Self(vzip1q_f32(ac_z, bd_z))]
         }
     }
 }

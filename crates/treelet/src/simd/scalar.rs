@@ -105,8 +105,8 @@ impl Floats<4> for Lanes {
     compare! { le <=; lt <; }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
-        let lane = |i: usize| f32::from_bits(self.0[i].to_bits() | u32::from(bytes[i]));
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        let lane = |i: usize| f32::from_bits(self.0[i].to_bits() | u32::from(halves[i]));
         Self([lane(0), lane(1), lane(2), lane(3)])
     }
 }

@@ -62,9 +62,9 @@ fn floats<S: Wide<W>, const W: usize>(simd: S, shift: usize, bits: &mut Vec<u64>
     bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
     bits.extend(a.min_where(0xA5C3, b).lanes().map(narrow_bits));
     bits.extend([u64::from(a.le(b)), u64::from(a.lt(b))]);
-    let bytes = core::array::from_fn(|lane| (16 * shift + 37 * lane) as u8);
+    let halves = core::array::from_fn(|lane| (1600 * shift + 3700 * lane) as u16);
     let start = S::F::splat(simd, 8_388_608.0);
-    bits.extend(start.or_bytes(&bytes).lanes().map(narrow_bits));
+    bits.extend(start.or_halves(&halves).lanes().map(narrow_bits));
 }
 
 #[inline(always)]
@@ -99,7 +99,9 @@ fn four<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
             if (i + shift) % 5 == 0 { NO_BYTE } else { ((7 * i + first) % 16) as u8 }
         });
         bits.extend(size.add_bytes(&bytes, &shuffle).lanes().map(narrow_bits));
-        bits.extend(S::F4::columns([a, b, size, negative]).iter().flat_map(|v| v.lanes()).map(narrow_bits));
+        bits.extend(
+            S::F4::columns([a, b, size, negative]).iter().flat_map(|v| v.lanes()).map(narrow_bits),
+        );
     }
 }
 

@@ -57,9 +57,9 @@ macro_rules! doubled {
             }
 
             #[inline(always)]
-            fn or_bytes(self, bytes: &[u8; $whole]) -> Self {
-                let (lower, upper) = halves::<u8, $half>(bytes);
-                Self(self.0.or_bytes(lower), self.1.or_bytes(upper))
+            fn or_halves(self, words: &[u16; $whole]) -> Self {
+                let (lower, upper) = halves::<u16, $half>(words);
+                Self(self.0.or_halves(lower), self.1.or_halves(upper))
             }
         }
     };

@@ -131,9 +131,10 @@ impl Floats<4> for F4 {
     compare! { le f32x4_le i32x4_bitmask lt f32x4_lt i32x4_bitmask }
 
     #[inline(always)]
-    fn or_bytes(self, bytes: &[u8; 4]) -> Self {
-        let [a, b, c, d] = bytes.map(u32::from);
-        Self(v128_or(self.0, u32x4(a, b, c, d)))
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: 8 bytes are readable; they need not be aligned.
+        let words = unsafe { u32x4_load_extend_u16x4(halves.as_ptr()) };
+        Self(v128_or(self.0, words))
     }
 }
 
@@ -163,15 +164,15 @@ impl Four for F4 {
     #[inline(always)]
     fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
         // SAFETY: 16 bytes are readable twice; they need not be aligned.
-        let (bytes, shuffle) = unsafe {
-            (v128_load(bytes.as_ptr().cast()), v128_load(shuffle.as_ptr().cast()))
-        };
+        let (bytes, shuffle) =
+            unsafe { (v128_load(bytes.as_ptr().cast()), v128_load(shuffle.as_ptr().cast())) };
         Self(i32x4_add(self.0, u8x16_swizzle(bytes, shuffle)))
     }
 
     #[inline(always)]
     fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
-        let (ab, cd) = (i32x4_shuffle::<0, 4, 1, 5>(a.0, b.0), i32x4_shuffle::<0, 4, 1, 5>(c.0, d.0));
+        let (ab, cd) =
+            (i32x4_shuffle::<0, 4, 1, 5>(a.0, b.0), i32x4_shuffle::<0, 4, 1, 5>(c.0, d.0));
         let (ab_z, cd_z) =
             (i32x4_shuffle::<2, 6, 2, 6>(a.0, b.0), i32x4_shuffle::<2, 6, 2, 6>(c.0, d.0));
         [

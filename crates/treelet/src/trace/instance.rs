@@ -4,21 +4,22 @@ use super::counters::Count;
 use super::pending::Pending;
 use super::structure::{Get, Layout};
 use super::walk::{Frame, Visitor};
+use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, LEAF_MAX};
 use crate::math::Ray;
 use crate::simd::{Kernel, Simd};
 
 /// What a leaf of instances makes of the walk.
-pub(super) enum Opened<'a, P, const W: usize> {
+pub(super) enum Opened<'a, K: Packing<W>, P, const W: usize> {
     /// Leaves of one each, to be stacked.
     Several([P; LEAF_MAX], usize),
     /// The level inside.
-    One(Frame<'a, W>),
+    One(Frame<'a, K, W>),
 }
 
 /// A leaf of instances: one is entered, several become leaves of one each.
-pub(super) struct InstanceLeaf<'a, 'd, V, C, const W: usize> {
-    pub(super) frame: &'d Frame<'a, W>,
+pub(super) struct InstanceLeaf<'a, 'd, K: Packing<W>, V, C, const W: usize> {
+    pub(super) frame: &'d Frame<'a, K, W>,
     pub(super) first: usize,
     pub(super) count: usize,
     pub(super) ray: &'d Ray,
@@ -26,14 +27,17 @@ pub(super) struct InstanceLeaf<'a, 'd, V, C, const W: usize> {
     pub(super) counters: &'d mut C,
 }
 
-impl<'a, V: Visitor<'a>, C: Count, const W: usize> Kernel for InstanceLeaf<'a, '_, V, C, W>
+impl<'a, K, V, C, const W: usize> Kernel for InstanceLeaf<'a, '_, K, V, C, W>
 where
-    Layout: Get<W>,
+    K: Packing<W>,
+    V: Visitor<'a>,
+    C: Count,
+    Layout: Get<K, W>,
 {
-    type Output = Opened<'a, V::Pending, W>;
+    type Output = Opened<'a, K, V::Pending, W>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Opened<'a, V::Pending, W> {
+    fn run<S: Simd>(self, simd: S) -> Opened<'a, K, V::Pending, W> {
         let Self { frame, first, count, ray, visitor, counters } = self;
         let at = first - frame.wide.triangles;
         let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
@@ -67,15 +71,15 @@ where
 }
 /// The level inside an instance, if the ray has business there.
 #[inline(always)]
-fn enter<'a, S: Simd, V: Visitor<'a>, const W: usize>(
+fn enter<'a, K: Packing<W>, S: Simd, V: Visitor<'a>, const W: usize>(
     simd: S,
-    frame: &Frame<'a, W>,
+    frame: &Frame<'a, K, W>,
     at: usize,
     ray: &Ray,
     visitor: &V,
-) -> Option<Frame<'a, W>>
+) -> Option<Frame<'a, K, W>>
 where
-    Layout: Get<W>,
+    Layout: Get<K, W>,
 {
     let instance = frame.structure.leaf_instance(at);
     if instance.mask & ray.mask == 0 {
