@@ -22,6 +22,7 @@ use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
 use crate::simd::{Kernel, Wide};
+use core::marker::PhantomData;
 use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
@@ -74,7 +75,7 @@ pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
     K: Packing<W>,
     S: Wide<W>,
     Layout: Get<K, W>,
-    for<'d, 's> Descent<'d, 's, K, V::Pending, V, C, W>: Kernel<Output = Child>,
+    for<'d, 's> Descent<'d, 's, K, V::Pending, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
@@ -97,11 +98,11 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
     K: Packing<W>,
     S: Wide<W>,
     Layout: Get<K, W>,
-    for<'d, 's> Descent<'d, 's, K, V::Pending, V, C, W>: Kernel<Output = Child>,
+    for<'d, 's> Descent<'d, 's, K, V::Pending, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = structure.layout.get() else { return };
+    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut frames = Room::<Frame<'_, K, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
@@ -114,10 +115,9 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
         loop {
             if next.is_inner() {
                 let (nodes, slab) = (&*frame.wide.nodes, &frame.ray.slab);
-                let (visitor, stack, t_min) = (&*visitor, &mut stack, ray.t_min);
-                let counters = &mut *counters;
-                let way =
-                    Descent::<K, _, _, _, W> { nodes, slab, t_min, visitor, stack, counters, next };
+                let (stack, counters) = (&mut stack, &mut *counters);
+                let range = (ray.t_min, visitor.t_max());
+                let way = Descent::<K, _, _, W> { nodes, slab, range, stack, counters, next };
                 next = simd.call(way);
             }
             let (first, count) = match next.kind() {
@@ -150,7 +150,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                         return;
                     }
                 }
-                next = pop(visitor, &mut stack, counters);
+                next = pop(visitor.t_max(), &mut stack, counters);
                 continue;
             }
 
@@ -162,7 +162,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             if next == Child::END {
                 let Some(outer) = frames.pop() else { return };
                 frame = outer;
-                next = pop(visitor, &mut stack, counters);
+                next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             }
             let leaf = InstanceLeaf {
@@ -170,13 +170,14 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 first,
                 count,
                 ray,
-                visitor: &*visitor,
+                t_max: visitor.t_max(),
                 counters: &mut *counters,
+                pending: PhantomData,
             };
             match simd.call(leaf) {
                 Opened::Several(instances, count) => {
                     instances.iter().take(count).for_each(|pending| stack.push(*pending));
-                    next = pop(visitor, &mut stack, counters);
+                    next = pop(visitor.t_max(), &mut stack, counters);
                 }
                 Opened::One(inner) => {
                     stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));

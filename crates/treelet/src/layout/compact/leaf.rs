@@ -17,14 +17,12 @@ const FORM_SHIFT: usize = 3 * LEAF_MAX * NAME_BITS;
 const ID_FORM_SHIFT: usize = FORM_SHIFT + 5;
 /// Vertices of a leaf, at most.
 const VERTICES_MAX: usize = 3 * LEAF_MAX;
-/// Bytes of a vertex, at most.
-const STRIDE_MAX: usize = 12;
 
 /// Leaves begin at multiples of this.
 pub(super) const ALIGN: usize = 4;
 
-/// What a leaf is read as: wherever four bits and a form could lead.
-pub(super) const READ: usize = HEADER + 4 * LEAF_MAX + 15 * STRIDE_MAX + 16;
+/// What a leaf is read as: wherever an offset of a byte could lead.
+pub(super) const READ: usize = HEADER + 4 * LEAF_MAX + u8::MAX as usize + 16;
 
 /// How a vertex is written.
 #[derive(Clone, Copy)]
@@ -90,15 +88,20 @@ pub(super) fn decode<S: Simd>(
     };
     let corners = u64::from(word(CORNERS)) | u64::from(word(CORNERS + 4)) << 32;
     let form = &FORMS[(corners >> FORM_SHIFT) as usize % FORMS.len()];
-    let stride = usize::from(form.stride).min(STRIDE_MAX);
     let id_form = (corners >> ID_FORM_SHIFT) as usize % ID_FORMS.len();
     let vertices = HEADER + (id_form + 1) * ((count - 1) % LEAF_MAX + 1);
     let least = four(0);
 
+    // Where vertices are: names times bytes a vertex, six products at once, none above a byte.
+    const EVERY_OTHER: u64 = 0x0F0F_0F0F_0F0F;
+    let stride = u64::from(form.stride);
+    let even = (corners & EVERY_OTHER).wrapping_mul(stride);
+    let odd = (corners >> NAME_BITS & EVERY_OTHER).wrapping_mul(stride);
+
     // Corner by corner, the vertices of four triangles, turned into rows.
     let vertex = |at: usize| {
-        let name = (corners >> (NAME_BITS * at)) as usize & 15;
-        let at = vertices + name * stride;
+        let offset = if at % 2 == 0 { even } else { odd } >> (at / 2 * 8);
+        let at = vertices + usize::from(offset as u8);
         let bytes = leaf.get(at..at + 16).and_then(<[u8]>::first_chunk);
         least.add_bytes(bytes.unwrap_or(&[0; 16]), &form.shuffle)
     };
@@ -255,7 +258,7 @@ mod tests {
                         block[(3 * corner + axis) * count + triangle] = vertex[axis];
                     }
                 }
-                let id = (triangle as u32) << (round / 4 % 4 * 7) | round as u32;
+                let id = (triangle as u32) << (round / 4 % 4 * 10) | round as u32;
                 block[9 * count + triangle] = f32::from_bits(id);
             }
             let leaf = Leaf::new(&block, count);
