@@ -108,7 +108,6 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
-    let mut block = [0.0; BLOCK_WORDS];
     let mut next = start;
     loop {
         // One level, until the ray leaves it or enters another.
@@ -130,6 +129,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             if first < frame.wide.triangles {
                 counters.leaf(count);
                 let words = &*frame.wide.words;
+                let mut block = [0.0; BLOCK_WORDS];
                 let (rows, stride) = K::block(simd, words, first, count, &mut block);
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
                 let range = (ray.t_min, visitor.t_max());

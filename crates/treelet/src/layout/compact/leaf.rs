@@ -77,9 +77,8 @@ pub(super) fn decode<S: Simd>(
     count: usize,
     block: &mut Block,
 ) {
-    let Some(leaf) = bytes.get(ALIGN * first..).and_then(<[u8]>::first_chunk::<READ>) else {
-        return;
-    };
+    const EMPTY: &[u8; READ] = &[0; READ];
+    let leaf = bytes.get(ALIGN * first..).and_then(<[u8]>::first_chunk::<READ>).unwrap_or(EMPTY);
     let word = |at: usize| u32::from_le_bytes([leaf[at], leaf[at + 1], leaf[at + 2], leaf[at + 3]]);
     let four = |at: usize| {
         let [a, b, c, d] = [word(at), word(at + 4), word(at + 8), word(at + 12)];
