@@ -11,4 +11,4 @@ mod write;
 use crate::build::Info;
 
 /// Every layout, in the order of the documentation.
-pub static ALL: &[Info] = &[wide::INFO_8, wide::INFO_16, compact::INFO_8, compact::INFO_16];
+pub static ALL: &[Info] = &[wide::INFO_8, wide::INFO_16, compact::INFO];

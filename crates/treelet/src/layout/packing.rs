@@ -1,7 +1,9 @@
 //! How nodes and leaves of a wide tree are written down: all that a walk knows of a layout.
 
 use super::wide::{BLOCK_WORDS, Child};
-use crate::bounds::Aabb;
+use crate::bounds::{Aabb, Interval, SlabRay};
+use crate::geometry::TriangleRay;
+use crate::geometry::block::BlockHits;
 use crate::memory::Zeroed;
 use crate::simd::{Simd, Wide};
 use core::fmt::Debug;
@@ -19,6 +21,8 @@ pub(crate) trait Packing<const W: usize>: Copy + Debug + Send + Sync + 'static {
     type Node: Zeroed + Debug;
     /// What leaves are arrays of.
     type Unit: Zeroed + Debug;
+    /// What a leaf is read as.
+    type Leaf;
 
     /// What is behind each box.
     fn children(node: &Self::Node) -> &[Child; W];
@@ -42,12 +46,28 @@ pub(crate) trait Packing<const W: usize>: Copy + Debug + Send + Sync + 'static {
         }
     }
 
-    /// The leaf of `count` triangles that begins at `first`, and how far its rows are apart. Lanes
-    /// beyond `count` hold anything.
+    /// The leaf that begins at `first`.
+    fn leaf(leaves: &[Self::Unit], first: usize) -> &Self::Leaf;
+
+    /// Which of the `count` triangles of a leaf the ray hits (see [`BlockTest`]).
+    ///
+    /// [`BlockTest`]: crate::geometry::block::BlockTest
+    fn hits<S: Simd>(
+        simd: S,
+        leaf: &Self::Leaf,
+        count: usize,
+        ray: (&TriangleRay, &SlabRay),
+        clip: &Interval,
+        range: (f32, f32),
+    ) -> BlockHits;
+
+    /// The id of one of the `count` triangles of a leaf.
+    fn id(leaf: &Self::Leaf, count: usize, triangle: usize) -> u32;
+
+    /// The `count` triangles of a leaf as a block, and how far its rows are apart: for many rays.
     fn block<'b, S: Simd>(
         simd: S,
-        leaves: &'b [Self::Unit],
-        first: usize,
+        leaf: &'b Self::Leaf,
         count: usize,
         room: &'b mut Block,
     ) -> (&'b Block, usize);

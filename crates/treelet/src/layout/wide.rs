@@ -22,8 +22,10 @@
 //! Tracing of Incoherent Rays", EGSR 2008; leaves differ.
 
 use super::packing::{Block, Packing};
-use crate::bounds::Aabb;
+use crate::bounds::{Aabb, Interval, SlabRay};
 use crate::build::Info;
+use crate::geometry::TriangleRay;
+use crate::geometry::block::{BlockHits, BlockTest};
 use crate::memory::{Pages, zeroed};
 use crate::simd::{Floats, Simd, Wide as Vectors};
 use crate::tree::PRIMS_MAX;
@@ -159,6 +161,7 @@ pub(crate) struct Plain;
 impl<const W: usize> Packing<W> for Plain {
     type Node = Node<W>;
     type Unit = f32;
+    type Leaf = Block;
 
     #[inline(always)]
     fn children(node: &Node<W>) -> &[Child; W] {
@@ -183,16 +186,36 @@ impl<const W: usize> Packing<W> for Plain {
     }
 
     #[inline(always)]
+    fn leaf(words: &[f32], first: usize) -> &Block {
+        const EMPTY: &Block = &[0.0; BLOCK_WORDS];
+        words.get(first * TRIANGLE_WORDS..).and_then(<[f32]>::first_chunk).unwrap_or(EMPTY)
+    }
+
+    #[inline(always)]
+    fn hits<S: Simd>(
+        simd: S,
+        leaf: &Block,
+        count: usize,
+        ray: (&TriangleRay, &SlabRay),
+        clip: &Interval,
+        range: (f32, f32),
+    ) -> BlockHits {
+        simd.apply::<BlockTest<'_, _>>((leaf, count), ray, clip, range)
+    }
+
+    #[inline(always)]
+    fn id(leaf: &Block, count: usize, triangle: usize) -> u32 {
+        leaf[9 * count + triangle].to_bits()
+    }
+
+    #[inline(always)]
     fn block<'b, S: Simd>(
         _: S,
-        words: &'b [f32],
-        first: usize,
+        leaf: &'b Block,
         count: usize,
         _: &'b mut Block,
     ) -> (&'b Block, usize) {
-        const EMPTY: &Block = &[0.0; BLOCK_WORDS];
-        let words = words.get(first * TRIANGLE_WORDS..).and_then(<[f32]>::first_chunk);
-        (words.unwrap_or(EMPTY), count)
+        (leaf, count)
     }
 }
 

@@ -181,10 +181,7 @@ fn walk<'a, A: Answers<'a>>(
     match structure.layout {
         Layout::Wide8(_) => level.run(Walk::<Plain, A, 8>::new(structure, batch, answers, room)),
         Layout::Wide16(_) => level.run(Walk::<Plain, A, 16>::new(structure, batch, answers, room)),
-        Layout::Compact8(_) => {
-            level.run(Walk::<Compact, A, 8>::new(structure, batch, answers, room));
-        }
-        Layout::Compact16(_) => {
+        Layout::Compact(_) => {
             level.run(Walk::<Compact, A, 16>::new(structure, batch, answers, room));
         }
     }

@@ -62,10 +62,7 @@ fn ask_at<'a, Q: Question<'a>, C: Count>(
         Layout::Wide16(_) => {
             level.apply::<Ask<'_, '_, Plain, Q, C, 16>>(structure, ray, seed, counters)
         }
-        Layout::Compact8(_) => {
-            level.apply::<Ask<'_, '_, Compact, Q, C, 8>>(structure, ray, seed, counters)
-        }
-        Layout::Compact16(_) => {
+        Layout::Compact(_) => {
             level.apply::<Ask<'_, '_, Compact, Q, C, 16>>(structure, ray, seed, counters)
         }
     }

@@ -94,13 +94,9 @@ fn finish(
             let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
             (Layout::Wide16(lowered.wide), lowered.instances)
         }
-        LayoutChoice::Compact8 => {
-            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, cancel)?;
-            (Layout::Compact8(pack(&lowered.wide, cancel)?), lowered.instances)
-        }
-        LayoutChoice::Compact16 => {
+        LayoutChoice::Compact => {
             let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
-            (Layout::Compact16(pack(&lowered.wide, cancel)?), lowered.instances)
+            (Layout::Compact(pack(&lowered.wide, cancel)?), lowered.instances)
         }
     };
     for (at, instance) in instances.iter().enumerate() {

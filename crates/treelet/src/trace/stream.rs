@@ -187,7 +187,7 @@ pub(crate) fn stream<'a, K, S, A, const W: usize>(
                     .nodes
                     .get(list.node as usize)
                     .map_or(structure.bounds, |node| K::bounds(node, list.slot as usize));
-                let (rows, stride) = K::block(simd, &wide.words, first, count, &mut block);
+                let (rows, stride) = K::block(simd, K::leaf(&wide.words, first), count, &mut block);
                 let block = Leaf { rows, stride, count, bounds };
                 leaf(simd, structure, class, block, rays, list, answers, room);
             }

@@ -16,8 +16,7 @@ use alloc::vec::Vec;
 pub(crate) enum Layout {
     Wide8(Wide<8>),
     Wide16(Wide<16>),
-    Compact8(Wide<8, Compact>),
-    Compact16(Wide<16, Compact>),
+    Compact(Wide<16, Compact>),
 }
 
 /// The layout as the walk of one packing and width sees it.
@@ -37,7 +36,7 @@ macro_rules! get {
     };
 }
 
-get! { Wide8: Plain 8 Wide16: Plain 16 Compact8: Compact 8 Compact16: Compact 16 }
+get! { Wide8: Plain 8 Wide16: Plain 16 Compact: Compact 16 }
 
 impl Layout {
     /// Whether a walk can go from one to the other.
@@ -50,8 +49,7 @@ impl Layout {
         match self {
             Self::Wide8(wide) => wide.bytes(),
             Self::Wide16(wide) => wide.bytes(),
-            Self::Compact8(wide) => wide.bytes(),
-            Self::Compact16(wide) => wide.bytes(),
+            Self::Compact(wide) => wide.bytes(),
         }
     }
 }

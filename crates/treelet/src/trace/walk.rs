@@ -16,9 +16,9 @@ use super::instance::{InstanceLeaf, Opened};
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::geometry::block::{self, BlockTest};
+use crate::geometry::block;
 use crate::layout::packing::Packing;
-use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Wide as WideTree};
+use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
 use crate::simd::{Kernel, Wide};
@@ -128,18 +128,15 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             };
             if first < frame.wide.triangles {
                 counters.leaf(count);
-                let words = &*frame.wide.words;
-                let mut block = [0.0; BLOCK_WORDS];
-                let (rows, stride) = K::block(simd, words, first, count, &mut block);
+                let leaf = K::leaf(&frame.wide.words, first);
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
                 let range = (ray.t_min, visitor.t_max());
-                let hits =
-                    simd.apply::<BlockTest<'_, _>>((rows, stride), (triangle, slab), clip, range);
-                let mut mask = hits.mask & ((1 << count) - 1);
+                let hits = K::hits(simd, leaf, count, (triangle, slab), clip, range);
+                let mut mask = hits.mask;
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize % block::LANES;
                     mask &= mask - 1;
-                    let id = rows[9 * stride + lane].to_bits();
+                    let id = K::id(leaf, count, lane);
                     let (t, u, v) = (hits.t[lane], hits.u[lane], hits.v[lane]);
                     // A hit nearer than this one may have been found in another lane.
                     if t > visitor.t_max() || !frame.structure.sees(id, ray.mask) {

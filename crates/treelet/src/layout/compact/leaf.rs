@@ -1,8 +1,12 @@
 //! Leaves: how they are written, and read again as the block that a wide layout has.
 
+use crate::bounds::{Interval, SlabRay};
+use crate::geometry::TriangleRay;
+use crate::geometry::block::{BlockHits, BlockTest};
 use crate::layout::packing::Block;
-use crate::layout::wide::LEAF_MAX;
-use crate::simd::{Floats, Four, NO_BYTE, Shuffle, Simd};
+use crate::layout::wide::{BLOCK_WORDS, LEAF_MAX};
+use crate::simd::{Floats, Four, Function, NO_BYTE, Shuffle, Simd};
+use core::marker::PhantomData;
 
 /// Bytes before the ids.
 const HEADER: usize = 24;
@@ -12,17 +16,22 @@ const LEAST_ID: usize = 20;
 const CORNERS: usize = 12;
 /// Bits that name a vertex.
 const NAME_BITS: usize = 4;
-/// Where the form is, in bits after `CORNERS`: that of vertices, then that of ids.
+/// Where the form is, in bits after `CORNERS`: that of vertices, then, in a byte of its own, how many
+/// bytes ids have, less one.
 const FORM_SHIFT: usize = 3 * LEAF_MAX * NAME_BITS;
-const ID_FORM_SHIFT: usize = FORM_SHIFT + 5;
+const ID_SHIFT: usize = FORM_SHIFT + 8;
+const ID_WIDTH: usize = CORNERS + ID_SHIFT / 8;
 /// Vertices of a leaf, at most.
 const VERTICES_MAX: usize = 3 * LEAF_MAX;
 
 /// Leaves begin at multiples of this.
 pub(super) const ALIGN: usize = 4;
 
-/// What a leaf is read as: wherever an offset of a byte could lead.
+/// Bytes that a leaf is read as: wherever an offset of a byte could lead.
 pub(super) const READ: usize = HEADER + 4 * LEAF_MAX + u8::MAX as usize + 16;
+
+/// What a leaf is read as.
+pub(crate) type Bytes = [u8; READ];
 
 /// How a vertex is written.
 #[derive(Clone, Copy)]
@@ -54,32 +63,56 @@ static FORMS: [Form; 32] = {
     forms
 };
 
-/// How ids of one to four bytes become four words.
-static ID_FORMS: [Shuffle; 4] = {
-    let mut forms = [[NO_BYTE; 16]; 4];
-    let mut at = 0;
-    while at < 4 * LEAF_MAX * 4 {
-        let (form, id, byte) = (at / 16, at / 4 % 4, at % 4);
-        if byte <= form {
-            forms[form][4 * id + byte] = (id * (form + 1) + byte) as u8;
-        }
-        at += 1;
-    }
-    forms
-};
+/// [`BlockTest`] for the triangles of a leaf.
+pub(super) struct Test<'a>(PhantomData<&'a ()>);
 
-/// Reads the leaf that begins at `first`, in units of `ALIGN` bytes.
+impl<'a> Function for Test<'a> {
+    type A = (&'a Bytes, usize);
+    type B = (&'a TriangleRay, &'a SlabRay);
+    type C = &'a Interval;
+    type D = (f32, f32);
+    type Output = BlockHits;
+
+    #[inline(always)]
+    fn run<S: Simd>(
+        simd: S,
+        (leaf, count): (&'a Bytes, usize),
+        ray: (&'a TriangleRay, &'a SlabRay),
+        clip: &'a Interval,
+        range: (f32, f32),
+    ) -> BlockHits {
+        let mut block = [0.0; BLOCK_WORDS];
+        decode(simd, leaf, count, &mut block);
+        let mut hits = <BlockTest<'_, BLOCK_WORDS> as Function>::run(
+            simd,
+            (&block, LEAF_MAX),
+            ray,
+            clip,
+            range,
+        );
+        hits.mask &= (1 << count) - 1;
+        hits
+    }
+}
+
+/// The id of a triangle.
 #[inline(always)]
-pub(super) fn decode<S: Simd>(
-    simd: S,
-    bytes: &[u8],
-    first: usize,
-    count: usize,
-    block: &mut Block,
-) {
-    const EMPTY: &[u8; READ] = &[0; READ];
-    let leaf = bytes.get(ALIGN * first..).and_then(<[u8]>::first_chunk::<READ>).unwrap_or(EMPTY);
-    let word = |at: usize| u32::from_le_bytes([leaf[at], leaf[at + 1], leaf[at + 2], leaf[at + 3]]);
+pub(super) fn id(leaf: &Bytes, triangle: usize) -> u32 {
+    let width = usize::from(leaf[ID_WIDTH] & 3) + 1;
+    let at = HEADER + triangle % LEAF_MAX * width;
+    let exceeds = word(leaf, at) & u32::MAX >> (32 - 8 * width);
+    word(leaf, LEAST_ID).wrapping_add(exceeds)
+}
+
+#[inline(always)]
+fn word(leaf: &Bytes, at: usize) -> u32 {
+    u32::from_le_bytes([leaf[at], leaf[at + 1], leaf[at + 2], leaf[at + 3]])
+}
+
+/// Reads the corners of a leaf's triangles: rows four words apart. (Its ids only hits ask for.)
+#[inline(always)]
+pub(super) fn decode<S: Simd>(simd: S, leaf: &Bytes, count: usize, block: &mut Block) {
+    let word = |at: usize| word(leaf, at);
     let four = |at: usize| {
         let [a, b, c, d] = [word(at), word(at + 4), word(at + 8), word(at + 12)];
         let float = f32::from_bits;
@@ -87,8 +120,8 @@ pub(super) fn decode<S: Simd>(
     };
     let corners = u64::from(word(CORNERS)) | u64::from(word(CORNERS + 4)) << 32;
     let form = &FORMS[(corners >> FORM_SHIFT) as usize % FORMS.len()];
-    let id_form = (corners >> ID_FORM_SHIFT) as usize % ID_FORMS.len();
-    let vertices = HEADER + (id_form + 1) * ((count - 1) % LEAF_MAX + 1);
+    let id_width = usize::from(leaf[ID_WIDTH] & 3) + 1;
+    let vertices = HEADER + id_width * ((count - 1) % LEAF_MAX + 1);
     let least = four(0);
 
     // Where vertices are: names times bytes a vertex, six products at once, none above a byte.
@@ -112,10 +145,6 @@ pub(super) fn decode<S: Simd>(
             block[row..row + LEAF_MAX].copy_from_slice(&rows[axis].lanes());
         }
     }
-    let ids = leaf[HEADER..].first_chunk().unwrap_or(&[0; 16]);
-    let least = S::F4::splat(simd, f32::from_bits(word(LEAST_ID)));
-    let ids = least.add_bytes(ids, &ID_FORMS[id_form]);
-    block[9 * LEAF_MAX..10 * LEAF_MAX].copy_from_slice(&ids.lanes());
 }
 
 /// Bytes that a number takes.
@@ -179,7 +208,7 @@ impl Leaf {
         leaf.id_width = bytes_of(most_id - leaf.least_id).max(1);
         let [x, y, z] = leaf.widths;
         leaf.corners |= (((x - 2) * 9 + (y - 2) * 3 + (z - 2)) as u64) << FORM_SHIFT;
-        leaf.corners |= (leaf.id_width as u64 - 1) << ID_FORM_SHIFT;
+        leaf.corners |= (leaf.id_width as u64 - 1) << ID_SHIFT;
         leaf
     }
 
@@ -225,16 +254,16 @@ impl Leaf {
 
 #[cfg(test)]
 mod tests {
-    use super::{Block, LEAF_MAX, Leaf, READ, decode};
+    use super::{Block, LEAF_MAX, Leaf, READ, decode, id};
+    use crate::layout::compact::Random;
     use crate::layout::wide::BLOCK_WORDS;
     use crate::simd::Scalar;
-    use crate::verify::Random;
     use alloc::vec::Vec;
 
     /// Triangles of every spread, shared and unshared, of either sign: written and read again.
     #[test]
     fn corners_come_back_bit_for_bit() {
-        let mut random = Random::new(0xC0);
+        let mut random = Random(0xC0);
         let mut widths_seen = [false; 5];
         let mut id_widths_seen = [false; 5];
         for round in 0..4000 {
@@ -266,13 +295,18 @@ mod tests {
             let mut bytes = alloc::vec![0; 8 + leaf.size() + READ];
             leaf.write(&mut bytes[8..8 + leaf.size()]);
             let mut read: Block = [0.0; BLOCK_WORDS];
-            decode(Scalar, &bytes, 2, count, &mut read);
-            for row in 0..10 {
+            let bytes = bytes[8..].first_chunk().unwrap();
+            decode(Scalar, bytes, count, &mut read);
+            for row in 0..9 {
                 for triangle in 0..count {
                     let expected = block[row * count + triangle].to_bits();
                     let found = read[row * LEAF_MAX + triangle].to_bits();
                     assert_eq!(found, expected, "round {round}, row {row}, triangle {triangle}");
                 }
+            }
+            for triangle in 0..count {
+                let expected = block[9 * count + triangle].to_bits();
+                assert_eq!(id(bytes, triangle), expected, "round {round}, triangle {triangle}");
             }
         }
         assert_eq!(widths_seen, [false, false, true, true, true]);
