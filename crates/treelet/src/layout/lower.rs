@@ -10,9 +10,10 @@
 //! `4 W + 12` bytes a wide node.
 
 use super::collapse::{Plan, Priced};
-use super::select::{Entry, Selected, Top};
+use super::select::{Entry, Selected, Selection, Top};
 use super::wide::{BLOCK_WORDS, Child, ENTRIES_MAX, LEAF_MAX, TRIANGLE_WORDS, Wide};
 use super::write::{Output, Writer};
+use super::{Collapse, greedy};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
@@ -47,6 +48,7 @@ pub(crate) fn lower<const W: usize>(
     bounds: &[Aabb],
     triangles: usize,
     source: &(impl Fn(&[u32], &mut [Packed]) + Sync),
+    collapse: Collapse,
     cancel: &Cancel,
 ) -> Result<Lowered<W>, BuildError> {
     if tree.prims.len() > ENTRIES_MAX {
@@ -61,7 +63,7 @@ pub(crate) fn lower<const W: usize>(
     }
     // Where there is no instance, nobody looks for one.
     let first_instance = if bounds.len() > triangles { triangles as u32 } else { u32::MAX };
-    let selection = select(tree, first_instance, cancel)?;
+    let selection = select(tree, first_instance, collapse, cancel)?;
     let writer = Writer { tree, source, first_instance, cancel };
     write(&writer, selection)
 }
@@ -107,21 +109,19 @@ fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a
     Cow::Owned(tree)
 }
 
-/// What fills the slots of every wide node.
-struct Selection<const W: usize> {
-    top: Top<W>,
-    pieces: Vec<Selected<W>>,
-}
-
-/// Chooses the cheapest wide nodes.
+/// Chooses what becomes wide nodes.
 fn select<const W: usize>(
     tree: &Tree,
     first_instance: u32,
+    collapse: Collapse,
     cancel: &Cancel,
 ) -> Result<Selection<W>, Cancelled> {
     let root_area = tree.bounds().half_area();
     let scale = if root_area > 0.0 { 1.0 / root_area } else { 0.0 };
     let priced = Priced { tree, first_instance, scale };
+    if collapse == Collapse::Greedy {
+        return greedy::select(&priced, cancel);
+    }
 
     // Plan the pieces, then the top over them.
     let roots = cut(tree);

@@ -10,6 +10,7 @@ use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
 use crate::geometry::Mesh;
+use crate::layout::Collapse;
 use crate::layout::lower::{Packed, lower};
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
@@ -53,7 +54,7 @@ pub(super) fn assemble(
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
     report.instances = prims.instances.len() as u64;
-    let structure = finish(description.meshes, placements, &prims, &tree, options)?;
+    let structure = finish(description.meshes, placements, &prims, &tree, plan.collapse, options)?;
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();
     Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
@@ -65,6 +66,7 @@ fn finish(
     placements: Placements,
     prims: &Prims,
     tree: &Tree,
+    collapse: Collapse,
     options: &BuildOptions<'_>,
 ) -> Result<Structure, SceneError> {
     let Placements { instances, reach, slack, paths } = placements;
@@ -86,11 +88,11 @@ fn finish(
     let cancel = &options.context.cancel;
     let (layout, order) = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
         LayoutChoice::Wide8 => {
-            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, cancel)?;
+            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, collapse, cancel)?;
             (Layout::Wide8(lowered.wide), lowered.instances)
         }
         LayoutChoice::Wide16 => {
-            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
+            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, collapse, cancel)?;
             (Layout::Wide16(lowered.wide), lowered.instances)
         }
     };

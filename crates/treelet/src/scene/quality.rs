@@ -6,6 +6,7 @@ use crate::build::{BinnedSah, BuildError, Builder, Clip, Hploc, Lbvh};
 use crate::context::Context;
 use crate::geometry::Mesh;
 use crate::geometry::clip::clipped_bounds;
+use crate::layout::Collapse;
 use crate::optimize::{Optimizer, Reinsertion};
 use crate::tree::Tree;
 use core::fmt;
@@ -64,10 +65,12 @@ impl Quality {
     /// rays a second in a car and a coffee maker; layouts then fill leaves less well). Spatial splits
     /// (`split-sah`) are in none: see there what they lost.
     pub fn plan(self) -> Plan<'static> {
-        let plain = |builder| Plan { quality: self, builder, optimizers: &[] };
+        let plain =
+            |builder| Plan { quality: self, builder, optimizers: &[], collapse: Collapse::Optimal };
+        let quick = |builder| Plan { collapse: Collapse::Greedy, ..plain(builder) };
         match self {
-            Self::Fastest => plain(&Lbvh::DEFAULT),
-            Self::Fast => plain(&Hploc::DEFAULT),
+            Self::Fastest => quick(&Lbvh::DEFAULT),
+            Self::Fast => quick(&Hploc::DEFAULT),
             Self::Default => plain(&BinnedSah::DEFAULT),
             Self::High => {
                 Plan { optimizers: &[&Reinsertion::DEFAULT], ..plain(&BinnedSah::DEFAULT) }
@@ -89,6 +92,8 @@ pub struct Plan<'a> {
     pub builder: &'a dyn Builder,
     /// Improve it, one after the other.
     pub optimizers: &'a [&'a dyn Optimizer],
+    /// How the tree becomes a wide one.
+    pub collapse: Collapse,
 }
 
 impl<'a> Plan<'a> {
@@ -96,7 +101,8 @@ impl<'a> Plan<'a> {
     pub(super) fn new(options: &BuildOptions<'a>) -> Self {
         let mut plan: Plan<'a> = options.quality.plan();
         if let Some(builder) = options.builder {
-            plan = Plan { quality: plan.quality, builder, optimizers: &[] };
+            plan = Plan { builder, optimizers: &[], ..plan };
+            plan.collapse = Collapse::Optimal;
         }
         Self { optimizers: options.optimizers.unwrap_or(plan.optimizers), ..plan }
     }
