@@ -357,8 +357,7 @@ mod tests {
             }
         };
         let cancel = Cancel::new();
-        let lowered =
-            lower::<W>(&tree, &bounds, count, &source, Collapse::Greedy, &cancel).unwrap();
+        let lowered = lower::<W>(&tree, u32::MAX, &source, Collapse::Greedy, &cancel).unwrap();
         let entries = compare(&tree, &leaves, &lowered.wide, (0, lowered.wide.root));
         assert_eq!(entries, count);
     }

@@ -19,7 +19,6 @@ use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages};
 use crate::tree::{self, Kind, Tree};
-use alloc::borrow::Cow;
 use alloc::vec::Vec;
 
 /// Trees with fewer nodes are one piece.
@@ -40,13 +39,11 @@ pub(crate) struct Lowered<const W: usize> {
     pub(crate) instances: Vec<u32>,
 }
 
-/// Lowers a tree over boxes `bounds`: of `triangles` triangles, numbered first, and of instances,
-/// numbered after them. `source` gives the triangles of some
-/// numbers.
+/// Lowers a tree whose leaves fit ([`split_leaves`]), of primitives of which those from
+/// `first_instance` on are instances. `source` gives the triangles of some numbers.
 pub(crate) fn lower<const W: usize>(
     tree: &Tree,
-    bounds: &[Aabb],
-    triangles: usize,
+    first_instance: u32,
     source: &(impl Fn(&[u32], &mut [Packed]) + Sync),
     collapse: Collapse,
     cancel: &Cancel,
@@ -54,23 +51,20 @@ pub(crate) fn lower<const W: usize>(
     if tree.prims.len() > ENTRIES_MAX {
         return Err(BuildError::TooManyPrims { prims: tree.prims.len() as u64 });
     }
-    let tree = &*split_leaves(tree, bounds, triangles);
     if tree.nodes.is_empty() {
         let words = Pages::zeroed(BLOCK_WORDS, "leaf blocks")?;
         let nodes = Pages::zeroed(0, "wide nodes")?;
         let wide = Wide { nodes, root: Child::END, words, triangles: 0 };
         return Ok(Lowered { wide, instances: Vec::new() });
     }
-    // Where there is no instance, nobody looks for one.
-    let first_instance = if bounds.len() > triangles { triangles as u32 } else { u32::MAX };
     let selection = select(tree, first_instance, collapse, cancel)?;
     let writer = Writer { tree, source, first_instance, cancel };
     write(&writer, selection)
 }
 
-/// What a leaf of the wide tree may hold: few entries, all of one kind. Other leaves of the tree are
-/// cut in halves until they do.
-fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a, Tree> {
+/// What a leaf of the wide tree may hold: few entries, all of one kind. Other leaves of the tree over
+/// `bounds` are cut in halves until they do.
+pub(crate) fn split_leaves(mut tree: Tree, bounds: &[Aabb], triangles: usize) -> Tree {
     let has_instances = bounds.len() > triangles;
     let of_one_kind = |prims: &[u32]| {
         let instances = prims.iter().filter(|&&prim| prim as usize >= triangles).count();
@@ -82,9 +76,8 @@ fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a
         Kind::Inner { .. } => true,
     };
     if tree.nodes.iter().all(fit) {
-        return Cow::Borrowed(tree);
+        return tree;
     }
-    let mut tree = tree.clone();
     let mut at = 0;
     while at < tree.nodes.len() {
         if let Kind::Leaf { first, count } = tree.nodes[at].kind()
@@ -106,7 +99,7 @@ fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a
         }
         at += 1;
     }
-    Cow::Owned(tree)
+    tree
 }
 
 /// Chooses what becomes wide nodes.

@@ -1,6 +1,7 @@
 //! Quality levels: named compositions of a builder and optimisers, as data.
 
 use super::builder::BuildOptions;
+use super::gather::Names;
 use crate::bounds::Aabb;
 use crate::build::{BinnedSah, BuildError, Builder, Clip, Hploc, Lbvh};
 use crate::context::Context;
@@ -136,14 +137,18 @@ impl fmt::Display for Plan<'_> {
 /// A level's triangles and instances, as splits see them.
 pub(super) struct Cuttable<'a> {
     pub(super) meshes: &'a [(Mesh, u32)],
-    /// `(geom, prim)` of the triangles; instances come after them.
-    pub(super) names: &'a [(u32, u32)],
+    /// Of the triangles; instances come after them.
+    pub(super) names: &'a Names,
+    pub(super) triangles: usize,
     pub(super) bounds: &'a [Aabb],
 }
 
 impl Cuttable<'_> {
     fn corners(&self, prim: u32) -> Option<[[f32; 3]; 3]> {
-        let &(geom, prim) = self.names.get(prim as usize)?;
+        if prim as usize >= self.triangles {
+            return None;
+        }
+        let (geom, prim) = self.names.of(prim);
         self.meshes[geom as usize].0.corners(prim as usize)
     }
 }
