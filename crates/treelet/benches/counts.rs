@@ -1,0 +1,115 @@
+//! Work for a program that counts instructions: `cargo xtask counts` runs this under valgrind and
+//! holds the counts against committed limits, so that no kernel gets slower unseen.
+//!
+//! A line on stdout names each piece of work, with the rays or triangles in it, in the order in
+//! which [`measured`] is entered; the counter is switched on there and nowhere else. Everything is
+//! made from fixed seeds, on one thread.
+
+#![allow(clippy::print_stdout, reason = "what is counted is told there")]
+
+use std::hint::black_box;
+
+use treelet::simd::Level;
+use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
+use treelet_testkit::{Noise, Shape, awkward, closed};
+
+/// Rays of each of two sorts.
+const RAYS: usize = 2048;
+
+/// The instruction sets whose kernels are counted: valgrind knows no newer ones.
+const LEVELS: [&str; 3] = ["scalar", "sse42", "avx2"];
+
+/// What is built.
+const BUILDS: [Quality; 2] = [Quality::Fast, Quality::Default];
+
+fn main() {
+    let (shape, rays) = (room(), rays());
+    for level in LEVELS {
+        match Level::by_name(level).filter(Level::is_available) {
+            Some(level) => {
+                trace(&scene(&shape, &BuildOptions { level, ..Default::default() }), &rays, level)
+            }
+            None => eprintln!("{level}: not on this processor"),
+        }
+    }
+    for quality in BUILDS {
+        println!("build {} {}", quality.name(), shape.triangles.len());
+        let options = BuildOptions { quality, ..Default::default() };
+        measured(&mut || drop(black_box(scene(&shape, &options))));
+    }
+}
+
+/// Instructions count from here until it returns.
+#[inline(never)]
+fn measured(work: &mut dyn FnMut()) {
+    work();
+    told();
+}
+
+/// The counter writes down what it has when this returns, and begins anew.
+#[inline(never)]
+fn told() {
+    black_box(());
+}
+
+/// A closed room around the origin, 24,320 triangles, and 8,000 small ones in it.
+fn room() -> Shape {
+    let dented = |[x, y, z]: [f32; 3]| [x, y, z].map(|c| c * (1.0 + x * y * z));
+    let mut room = closed::sphere(128, 96).mapped(dented);
+    let clutter = awkward::random_triangles(8000, 0.6, 0.02);
+    let first = room.positions.len() as u32;
+    room.positions.extend(clutter.positions);
+    room.triangles.extend(clutter.triangles.iter().map(|triangle| triangle.map(|v| first + v)));
+    room
+}
+
+/// A scene of one mesh.
+fn scene(shape: &Shape, options: &BuildOptions<'_>) -> Scene {
+    let mesh = Mesh::new(shape.positions.clone(), shape.triangles.clone());
+    Scene::builder().mesh(mesh).build(options).expect("a sound mesh")
+}
+
+/// A square of rays from a point that is near the middle, as a camera sends them, and rays from
+/// everywhere to everywhere.
+fn rays() -> Vec<Ray> {
+    let mut noise = Noise::new(2);
+    let side = (RAYS as f32).sqrt() as usize;
+    let camera = (0..RAYS).map(|i| {
+        let at = |x: usize| x as f32 / side as f32 - 0.5;
+        Ray::new([0.02, 0.01, 0.03], [at(i % side), at(i / side), 0.7])
+    });
+    let mut rays: Vec<Ray> = camera.collect();
+    rays.extend((0..RAYS).map(|_| Ray::new(noise.point(-0.6, 0.6), noise.point(-1.0, 1.0))));
+    rays
+}
+
+/// Both questions, one ray a call and all in a slice.
+fn trace(scene: &Scene, rays: &[Ray], level: Level) {
+    let (level, count) = (level.name(), rays.len());
+    let mut hits = vec![Hit::MISS; count];
+    let mut answers = vec![false; count];
+
+    println!("closest single {level} {count}");
+    measured(&mut || {
+        for (ray, hit) in rays.iter().zip(&mut hits) {
+            *hit = scene.closest(ray).unwrap_or(Hit::MISS);
+        }
+    });
+    black_box(&hits);
+
+    println!("closest slice {level} {count}");
+    measured(&mut || scene.closest_many(rays, &mut hits).expect("as many hits as rays"));
+    black_box(&hits);
+
+    println!("any single {level} {count}");
+    measured(&mut || {
+        for (ray, answer) in rays.iter().zip(&mut answers) {
+            *answer = scene.any(ray);
+        }
+    });
+    black_box(&answers);
+
+    println!("any slice {level} {count}");
+    measured(&mut || scene.any_many(rays, &mut answers).expect("as many answers as rays"));
+    black_box(&answers);
+}
