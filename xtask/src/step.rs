@@ -129,3 +129,26 @@ pub(crate) fn cargo_command(root: &Path) -> Command {
     command.env_remove("CARGO_MANIFEST_DIR").env_remove("CARGO_MANIFEST_PATH");
     command
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Steps, append};
+    use std::fs;
+
+    #[test]
+    fn steps_that_passed_are_recorded_one_run_after_the_other() {
+        let record = std::env::temp_dir().join(format!("xtask-steps-{}", std::process::id()));
+        let mut steps = Steps::new(2);
+        steps.run("first", || Ok(())).unwrap();
+        let failure = steps.run("second", || Err("no".into())).unwrap_err();
+        steps.finish(&record);
+        append(&record, &[("later".into(), 12.34)]).unwrap();
+        let text = fs::read_to_string(&record).unwrap();
+        fs::remove_file(&record).unwrap();
+        assert!(failure.starts_with("[2/2] second: FAILED"), "{failure}");
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        assert_eq!(lines.len(), 2, "{text}");
+        assert_eq!(lines[0][1..], ["first", "0.0"]);
+        assert_eq!(lines[1][1..], ["later", "12.3"]);
+    }
+}

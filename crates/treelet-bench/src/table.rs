@@ -103,6 +103,7 @@ pub fn marks(marks: &[Mark]) -> Vec<String> {
             |ends: Option<[f64; 2]>| ends.map_or("-".into(), |[a, b]| format!("{a:.2}..{b:.2}"));
         let standing = match mark.standing {
             Standing::Met => "met",
+            Standing::MetByInterval => "met by its interval only",
             Standing::NotMet => "NOT MET",
             Standing::NotMeasured => "not measured",
         };

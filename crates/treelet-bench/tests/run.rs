@@ -99,8 +99,8 @@ fn a_rivals_mistakes_are_counted_and_treelets_cells_have_none() {
     assert!(result.scene.rays_by_brute_force > 100);
     assert_eq!(result.builds.len(), 3);
     // Five kinds. As they are: treelet by one ray, its own loop, two lengths of slices; the rival's two
-    // trees. Shuffled: treelet without the shorter slices; nothing of the rival, which takes no many.
-    assert_eq!(result.traces.len(), 5 * (4 + 2) + 5 * 3);
+    // trees. Shuffled: treelet without the shorter slices and its loop; nothing of the rival, which takes no many.
+    assert_eq!(result.traces.len(), 5 * (4 + 2) + 5 * 2);
     for trace in &result.traces {
         assert_eq!((trace.rays, trace.seconds.len()), (RAYS as u64, 2), "{}", trace.label());
         assert!(trace.mrays_per_s > 0.0, "{}", trace.label());

@@ -13,7 +13,7 @@ use treelet::simd::Level;
 use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
 use treelet_testkit::{Noise, Shape, awkward, closed};
 
-/// Rays of each of two sorts.
+/// Rays of each sort: more than the slices that are answered ray by ray.
 const RAYS: usize = 2048;
 
 /// The instruction sets whose kernels are counted: valgrind knows no newer ones.
@@ -23,13 +23,16 @@ const LEVELS: [&str; 3] = ["scalar", "sse42", "avx2"];
 const BUILDS: [Quality; 2] = [Quality::Fast, Quality::Default];
 
 fn main() {
-    let (shape, rays) = (room(), rays());
+    let shape = room();
+    let rays = [("camera", camera()), ("random", random())];
     for level in LEVELS {
-        match Level::by_name(level).filter(Level::is_available) {
-            Some(level) => {
-                trace(&scene(&shape, &BuildOptions { level, ..Default::default() }), &rays, level)
-            }
-            None => eprintln!("{level}: not on this processor"),
+        let Some(level) = Level::by_name(level).filter(Level::is_available) else {
+            eprintln!("{level}: not on this processor");
+            continue;
+        };
+        let scene = scene(&shape, &BuildOptions { level, ..Default::default() });
+        for (sort, rays) in &rays {
+            trace(&scene, rays, &format!("{sort} {}", level.name()));
         }
     }
     for quality in BUILDS {
@@ -69,27 +72,27 @@ fn scene(shape: &Shape, options: &BuildOptions<'_>) -> Scene {
     Scene::builder().mesh(mesh).build(options).expect("a sound mesh")
 }
 
-/// A square of rays from a point that is near the middle, as a camera sends them, and rays from
-/// everywhere to everywhere.
-fn rays() -> Vec<Ray> {
-    let mut noise = Noise::new(2);
+/// A square of rays from a point near the middle, as a camera sends them.
+fn camera() -> Vec<Ray> {
     let side = (RAYS as f32).sqrt() as usize;
-    let camera = (0..RAYS).map(|i| {
-        let at = |x: usize| x as f32 / side as f32 - 0.5;
-        Ray::new([0.02, 0.01, 0.03], [at(i % side), at(i / side), 0.7])
-    });
-    let mut rays: Vec<Ray> = camera.collect();
-    rays.extend((0..RAYS).map(|_| Ray::new(noise.point(-0.6, 0.6), noise.point(-1.0, 1.0))));
-    rays
+    let at = |x: usize| x as f32 / side as f32 - 0.5;
+    let ray = |i| Ray::new([0.02, 0.01, 0.03], [at(i % side), at(i / side), 0.7]);
+    (0..RAYS).map(ray).collect()
+}
+
+/// Rays from everywhere to everywhere.
+fn random() -> Vec<Ray> {
+    let mut noise = Noise::new(2);
+    (0..RAYS).map(|_| Ray::new(noise.point(-0.6, 0.6), noise.point(-1.0, 1.0))).collect()
 }
 
 /// Both questions, one ray a call and all in a slice.
-fn trace(scene: &Scene, rays: &[Ray], level: Level) {
-    let (level, count) = (level.name(), rays.len());
+fn trace(scene: &Scene, rays: &[Ray], name: &str) {
+    let count = rays.len();
     let mut hits = vec![Hit::MISS; count];
     let mut answers = vec![false; count];
 
-    println!("closest single {level} {count}");
+    println!("closest single {name} {count}");
     measured(&mut || {
         for (ray, hit) in rays.iter().zip(&mut hits) {
             *hit = scene.closest(ray).unwrap_or(Hit::MISS);
@@ -97,11 +100,11 @@ fn trace(scene: &Scene, rays: &[Ray], level: Level) {
     });
     black_box(&hits);
 
-    println!("closest slice {level} {count}");
+    println!("closest slice {name} {count}");
     measured(&mut || scene.closest_many(rays, &mut hits).expect("as many hits as rays"));
     black_box(&hits);
 
-    println!("any single {level} {count}");
+    println!("any single {name} {count}");
     measured(&mut || {
         for (ray, answer) in rays.iter().zip(&mut answers) {
             *answer = scene.any(ray);
@@ -109,7 +112,7 @@ fn trace(scene: &Scene, rays: &[Ray], level: Level) {
     });
     black_box(&answers);
 
-    println!("any slice {level} {count}");
+    println!("any slice {name} {count}");
     measured(&mut || scene.any_many(rays, &mut answers).expect("as many answers as rays"));
     black_box(&answers);
 }

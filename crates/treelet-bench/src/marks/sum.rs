@@ -40,10 +40,16 @@ impl Asked {
         Self { mean, worst, better: Better::Less }
     }
 
-    fn is_reached(&self, ratio: &Ratio, asked: f64) -> bool {
-        match self.better {
-            Better::More => ratio.high >= asked,
-            Better::Less => ratio.low <= asked,
+    /// How a ratio stands to what was asked of it.
+    fn standing(&self, ratio: &Ratio, asked: f64) -> Standing {
+        let (by_median, by_interval) = match self.better {
+            Better::More => (ratio.median >= asked, ratio.high >= asked),
+            Better::Less => (ratio.median <= asked, ratio.low <= asked),
+        };
+        match (by_median, by_interval) {
+            (true, _) => Standing::Met,
+            (false, true) => Standing::MetByInterval,
+            (false, false) => Standing::NotMet,
         }
     }
 }
@@ -72,21 +78,21 @@ pub(super) fn mark(what: String, cells: Cells, asked: Asked) -> Mark {
     let Some((place, at_worst)) = worst_cell else { return mark };
     let ratios: Vec<Ratio> = there.iter().map(|(_, ratio)| *ratio).collect();
     let over_all = Ratio::geometric_mean(&ratios);
-    let met = asked.is_reached(&over_all, asked.mean)
-        && asked.worst.is_none_or(|worst| asked.is_reached(at_worst, worst));
+    let of_mean = asked.standing(&over_all, asked.mean);
+    let of_worst = asked.worst.map_or(Standing::Met, |worst| asked.standing(at_worst, worst));
     mark.mean = Some(over_all.median);
     mark.interval = Some([over_all.low, over_all.high]);
     mark.worst = Some(at_worst.median);
     mark.worst_interval = Some([at_worst.low, at_worst.high]);
     mark.worst_scene = Some(place.clone());
-    mark.standing = if met { Standing::Met } else { Standing::NotMet };
+    mark.standing = of_mean.max(of_worst);
     mark
 }
 
 /// A mark that counts only where another is met.
 pub(super) fn on_condition(mut mark: Mark, condition: &Mark) -> Mark {
-    if mark.standing == Standing::Met {
-        mark.standing = condition.standing;
+    if mark.standing < Standing::NotMet {
+        mark.standing = mark.standing.max(condition.standing);
         if mark.standing == Standing::NotMeasured {
             mark.lacking = mark.lacking.or_else(|| condition.lacking.clone());
         }
@@ -115,7 +121,7 @@ mod tests {
     fn a_mark_needs_its_mean_and_its_worst_cell() {
         assert_eq!(standing(&[1.3, 1.3]), Standing::Met);
         assert_eq!(standing(&[1.0, 1.6]), Standing::Met);
-        assert_eq!(standing(&[0.995, 1.6]), Standing::Met, "the interval reaches 1");
+        assert_eq!(standing(&[0.995, 1.6]), Standing::MetByInterval, "the interval reaches 1");
         assert_eq!(standing(&[0.9, 2.0]), Standing::NotMet, "the worst cell");
         assert_eq!(standing(&[1.1, 1.2]), Standing::NotMet, "the mean");
         assert_eq!(standing(&[]), Standing::NotMeasured);

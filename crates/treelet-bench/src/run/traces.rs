@@ -57,16 +57,20 @@ impl Group<'_> {
         let mut cells = Vec::new();
         for contender in contenders {
             // Shuffled rays are a question to those that take many at once.
-            let takes_many = contender.calls.iter().any(|call| call.api == Api::Many);
-            if self.order == Order::Shuffled && !takes_many {
+            let takes_many = |call: &Call| call.api == Api::Many && call.width != ours::LOOP;
+            let shuffled = self.order == Order::Shuffled;
+            if shuffled && !contender.calls.iter().any(takes_many) {
                 continue;
             }
             for &call in &contender.calls {
+                if shuffled && call.width == ours::LOOP {
+                    continue;
+                }
                 // The hint is for rays that are what it says. On kitchen_bitterli it made Embree's
                 // packets of 16 2.6 times as fast for primary rays and 1.05 for shadow rays, but
                 // 0.70 for occlusion, 0.55 for diffuse and 0.33 for random ones.
                 let coherent = matches!(self.kind, Kind::Primary | Kind::Shadow);
-                if call.coherent && !(coherent && self.order == Order::Given) {
+                if call.coherent && (shuffled || !coherent) {
                     continue;
                 }
                 let widths = if call.width == Call::SLICE {

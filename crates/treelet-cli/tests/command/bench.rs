@@ -32,9 +32,9 @@ fn a_small_bench_has_the_promised_form() {
     }
 
     let traces = json["traces"].as_array().unwrap();
-    // Five kinds: one ray a call for all; the library's own loop for the default build, shuffled
-    // too; two lengths of slices for the best, the longer one and one ray a call shuffled too.
-    assert_eq!(traces.len(), 2 * 5 * (variants + 1 + 2 + 2 + 2));
+    // Five kinds: one ray a call for all, the library's own loop for the default build, two lengths
+    // of slices for the best; of that, the longer one and one ray a call shuffled too.
+    assert_eq!(traces.len(), 2 * 5 * (variants + 1 + 2 + 2));
     for trace in traces {
         for field in ["scene", "engine", "variant", "kind"] {
             assert!(trace[field].is_string(), "{field}: {trace}");
