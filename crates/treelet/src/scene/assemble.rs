@@ -10,6 +10,7 @@ use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
 use crate::geometry::Mesh;
+use crate::geometry::triangle::Ordinary;
 use crate::layout::lower::{Packed, lower};
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
@@ -114,6 +115,7 @@ fn finish(
         bounds: tree.bounds(),
         leaf_instances,
         cover: cover(tree),
+        ordinary: Ordinary::level(&reach),
         reach,
         reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
         slack,

@@ -3,31 +3,12 @@
 //! FMA is not enabled: nothing here may fuse, and the compiler never fuses by itself.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
-/// Exists only where AVX2 does.
-#[derive(Clone, Copy)]
-pub(crate) struct Avx2(());
-
-/// Runs `kernel` with AVX2.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx2(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx2(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Avx2(()), a, b, c, d)
+token! {
+    /// Exists only where AVX2 does.
+    Avx2, "avx2,bmi1,bmi2,lzcnt,popcnt"
 }
 
 impl Simd for Avx2 {
@@ -35,18 +16,6 @@ impl Simd for Avx2 {
     type F8 = F8;
     type F16 = Two<F8>;
     type D4 = D4;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

@@ -1,31 +1,12 @@
 //! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
-use super::{Doubles, Floats, Four, Function, Kernel, Simd};
+use super::{Doubles, Floats, Four, Simd};
 use core::arch::x86_64::*;
 
-/// Exists only where these parts of AVX-512 do.
-#[derive(Clone, Copy)]
-pub(crate) struct Avx512(());
-
-/// Runs `kernel` with AVX-512.
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx512(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx512(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Avx512(()), a, b, c, d)
+token! {
+    /// Exists only where these parts of AVX-512 do.
+    Avx512, "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt"
 }
 
 impl Simd for Avx512 {
@@ -33,18 +14,6 @@ impl Simd for Avx512 {
     type F8 = F8;
     type F16 = F16;
     type D4 = D4;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

@@ -5,31 +5,12 @@
 //! bits: lanes are masked to a bit of their own each and summed.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Simd, compress_by_bits};
 use core::arch::aarch64::*;
 
-/// Exists only where NEON does.
-#[derive(Clone, Copy)]
-pub(crate) struct Neon(());
-
-/// Runs `kernel` with NEON.
-#[target_feature(enable = "neon")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Neon(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "neon")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Neon(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "neon")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Neon(()), a, b, c, d)
+token! {
+    /// Exists only where NEON does.
+    Neon, "neon"
 }
 
 impl Simd for Neon {
@@ -37,18 +18,6 @@ impl Simd for Neon {
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

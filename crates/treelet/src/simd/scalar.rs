@@ -1,18 +1,13 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Enter, Floats, Four, Function, Kernel, Simd, compress_by_bits};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
 pub(crate) struct Scalar;
 
-impl Simd for Scalar {
-    type F4 = Lanes;
-    type F8 = Two<Lanes>;
-    type F16 = Two<Two<Lanes>>;
-    type D4 = DoubleLanes;
-
+impl Enter for Scalar {
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         kernel.run(self)
@@ -22,6 +17,13 @@ impl Simd for Scalar {
     fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
         F::run(self, a, b, c, d)
     }
+}
+
+impl Simd for Scalar {
+    type F4 = Lanes;
+    type F8 = Two<Lanes>;
+    type F16 = Two<Two<Lanes>>;
+    type D4 = DoubleLanes;
 
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}

@@ -1,31 +1,12 @@
 //! SSE4.2: x86-64 processors since 2009. Vectors of 4 f32 or 2 f64.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
-/// Exists only where SSE4.2 does.
-#[derive(Clone, Copy)]
-pub(crate) struct Sse42(());
-
-/// Runs `kernel` with SSE4.2.
-#[target_feature(enable = "sse4.2,popcnt")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Sse42(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "sse4.2,popcnt")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Sse42(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "sse4.2,popcnt")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Sse42(()), a, b, c, d)
+token! {
+    /// Exists only where SSE4.2 does.
+    Sse42, "sse4.2,popcnt"
 }
 
 impl Simd for Sse42 {
@@ -33,18 +14,6 @@ impl Simd for Sse42 {
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {

@@ -8,28 +8,12 @@
 //! exchanged. The relaxed instructions, which may fuse or pick another minimum, are not used.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Simd, compress_by_bits};
 use core::arch::wasm32::*;
 
-/// Exists only where `simd128` does.
-#[derive(Clone, Copy)]
-pub(crate) struct Simd128(());
-
-/// Runs `kernel` with `simd128`.
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Simd128(()))
-}
-
-/// The same, never inlined.
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Simd128(()))
-}
-
-/// A function, never inlined.
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Simd128(()), a, b, c, d)
+token! {
+    /// Exists only where `simd128` does.
+    Simd128
 }
 
 impl Simd for Simd128 {
@@ -37,16 +21,6 @@ impl Simd for Simd128 {
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        call(kernel)
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        apply::<F>(a, b, c, d)
-    }
 
     /// There is no such instruction.
     #[inline(always)]

@@ -3,7 +3,6 @@
 
 use super::counters::Count;
 use super::pending::{Order, Pending, STACK_NEAR};
-use super::walk::Visitor;
 use crate::bounds::{Aabb, SlabRay};
 use crate::layout::wide::{Child, Node};
 use crate::memory::Stack;
@@ -75,11 +74,11 @@ fn splat<F: Floats<W>, const W: usize>(token: F::Token, [x, y, z]: [f32; 3]) -> 
     [F::splat(token, x), F::splat(token, y), F::splat(token, z)]
 }
 /// The way from a node to the next leaf.
-pub(crate) struct Descent<'d, 's, P, V, C, const W: usize> {
+pub(crate) struct Descent<'d, 's, P, C, const W: usize> {
     pub(super) nodes: &'d [Node<W>],
     pub(super) slab: &'d SlabRay,
-    pub(super) t_min: f32,
-    pub(super) visitor: &'d V,
+    /// The least `t` that is wanted, and the greatest: neither changes before the next leaf.
+    pub(super) range: (f32, f32),
     pub(super) stack: &'d mut Stack<'s, P, STACK_NEAR>,
     pub(super) counters: &'d mut C,
     pub(super) next: Child,
@@ -87,26 +86,26 @@ pub(crate) struct Descent<'d, 's, P, V, C, const W: usize> {
 
 macro_rules! descents {
     ($($width:literal)*) => {
-        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Descent<'_, '_, V::Pending, V, C, $width> {
+        $(impl<P: Order, C: Count> Kernel for Descent<'_, '_, P, C, $width> {
             type Output = Child;
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) -> Child {
-                let Self { nodes, slab, t_min, visitor, stack, counters, mut next } = self;
+                let Self { nodes, slab, range: (t_min, t_max), stack, counters, mut next } = self;
                 let lanes = Lanes::<<S as Wide<$width>>::F>::new(simd, slab);
                 let t_min = <S as Wide<$width>>::F::splat(simd, t_min);
+                let limit = <S as Wide<$width>>::F::splat(simd, t_max);
                 while next.is_inner() && !stack.is_tight::<$width>() {
                     let Some(node) = nodes.get(next.0 as usize) else { return Child::NONE };
                     counters.node();
-                    let t_max = <S as Wide<$width>>::F::splat(simd, visitor.t_max());
-                    let (mask, entry) = lanes.test(simd, node, t_min, t_max);
+                    let (mask, entry) = lanes.test(simd, node, t_min, limit);
                     if C::LISTENS {
                         report(slab, node, mask, counters);
                     }
                     next = if mask == 0 {
-                        pop(visitor, stack, counters)
+                        pop(t_max, stack, counters)
                     } else {
-                        V::Pending::spread::<S, $width>(simd, node, mask, entry, stack)
+                        P::spread::<S, $width>(simd, node, mask, entry, stack)
                     };
                 }
                 next
@@ -118,14 +117,14 @@ macro_rules! descents {
 descents! { 8 16 }
 /// The next child that may still matter; [`Child::NONE`] if none is near.
 #[inline(always)]
-pub(super) fn pop<'a, V: Visitor<'a>, C: Count>(
-    visitor: &V,
-    stack: &mut Stack<'_, V::Pending, STACK_NEAR>,
+pub(super) fn pop<P: Pending, C: Count>(
+    t_max: f32,
+    stack: &mut Stack<'_, P, STACK_NEAR>,
     counters: &mut C,
 ) -> Child {
     loop {
         let Some(pending) = stack.pop_near() else { return Child::NONE };
-        if !pending.is_beyond(visitor.t_max()) {
+        if !pending.is_beyond(t_max) {
             return pending.child();
         }
         counters.t_culls(1);

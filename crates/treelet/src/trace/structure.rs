@@ -108,6 +108,8 @@ pub(crate) struct Structure {
     pub(crate) reach: Aabb,
     /// The same, as lanes: `x, y, z, z` of both corners.
     pub(crate) reach_lanes: [[f32; 4]; 2],
+    /// Whether rays may be [`Ordinary`](crate::geometry::triangle::Ordinary) here.
+    pub(crate) ordinary: bool,
     pub(crate) slack: Slack,
     /// Whether a primitive, here or in an instance, lies in several leaves.
     pub(crate) repeats: bool,

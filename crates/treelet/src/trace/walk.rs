@@ -21,6 +21,7 @@ use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
 use crate::simd::{Kernel, Wide};
+use core::marker::PhantomData;
 use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
@@ -72,7 +73,7 @@ pub(crate) fn walk<'a, S, V, C, const W: usize>(
 ) where
     S: Wide<W>,
     Layout: Get<W>,
-    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
+    for<'d, 's> Descent<'d, 's, V::Pending, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
@@ -94,7 +95,7 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
 ) where
     S: Wide<W>,
     Layout: Get<W>,
-    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
+    for<'d, 's> Descent<'d, 's, V::Pending, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
@@ -110,9 +111,9 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
         loop {
             if next.is_inner() {
                 let (nodes, slab) = (&*frame.wide.nodes, &frame.ray.slab);
-                let (visitor, stack, t_min) = (&*visitor, &mut stack, ray.t_min);
-                let counters = &mut *counters;
-                let way = Descent { nodes, slab, t_min, visitor, stack, counters, next };
+                let (stack, counters) = (&mut stack, &mut *counters);
+                let range = (ray.t_min, visitor.t_max());
+                let way = Descent { nodes, slab, range, stack, counters, next };
                 next = simd.call(way);
             }
             let (first, count) = match next.kind() {
@@ -144,7 +145,7 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
                         return;
                     }
                 }
-                next = pop(visitor, &mut stack, counters);
+                next = pop(visitor.t_max(), &mut stack, counters);
                 continue;
             }
 
@@ -156,7 +157,7 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
             if next == Child::END {
                 let Some(outer) = frames.pop() else { return };
                 frame = outer;
-                next = pop(visitor, &mut stack, counters);
+                next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             }
             let leaf = InstanceLeaf {
@@ -164,13 +165,14 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
                 first,
                 count,
                 ray,
-                visitor: &*visitor,
+                t_max: visitor.t_max(),
                 counters: &mut *counters,
+                pending: PhantomData,
             };
             match simd.call(leaf) {
                 Opened::Several(instances, count) => {
                     instances.iter().take(count).for_each(|pending| stack.push(*pending));
-                    next = pop(visitor, &mut stack, counters);
+                    next = pop(visitor.t_max(), &mut stack, counters);
                 }
                 Opened::One(inner) => {
                     stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
