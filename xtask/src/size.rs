@@ -16,12 +16,9 @@ const LIMITS: Table = Table { name: "size", tolerance: 0.05, bless: "cargo xtask
 /// Bytes of a kilobyte.
 const KILO: f64 = 1e3;
 
-/// How the functions of an instruction set are known: by the module that they are compiled in, with
-/// its length before it, as symbols have it. Scalar code is part of whatever calls it.
-const LEVELS: [(&str, &str); 3] = [("sse42", "5sse42"), ("avx2", "4avx2"), ("avx512", "6avx512")];
-
-/// How symbols of the library are known.
-const LIBRARY: &str = "7treelet";
+/// The modules in `simd/` that functions of an instruction set are compiled in. Scalar code is part
+/// of whatever calls it.
+const LEVELS: [&str; 3] = ["sse42", "avx2", "avx512"];
 
 /// Measures, and holds the sizes against the limits.
 pub(crate) fn run(root: &Path) -> Result<(), String> {
@@ -70,9 +67,12 @@ fn measure(program: &Path) -> Result<Measured, String> {
     let all = section(&sections, "Total").ok_or("`size -A` tells no total")?;
     measured.insert("kB of code".to_owned(), code / KILO);
     measured.insert("kB in all".to_owned(), all / KILO);
-    for (level, sign) in LEVELS {
-        let name = format!("kB of kernels, {level}");
-        measured.insert(name, kernels(&symbols, sign) / KILO);
+    for level in LEVELS {
+        let bytes = kernels(&symbols, level);
+        if bytes == 0 {
+            return Err(format!("no function of {level} is known by its symbol any more"));
+        }
+        measured.insert(format!("kB of kernels, {level}"), bytes as f64 / KILO);
     }
     Ok(measured)
 }
@@ -85,13 +85,15 @@ fn section(lines: &str, name: &str) -> Option<f64> {
 }
 
 /// The size of an instruction set's functions, of what `nm -S` prints.
-fn kernels(lines: &str, sign: &str) -> f64 {
+fn kernels(lines: &str, level: &str) -> u64 {
+    // As a path, each part with its length before it, or within a type's name.
+    let signs = [format!("simd{}{level}", level.len()), format!("simd..{level}.")];
     let size = |line: &str| {
         let [_, size, _, symbol] = line.split_whitespace().collect::<Vec<_>>()[..] else {
             return None;
         };
-        let ours = symbol.contains(LIBRARY) && symbol.contains(sign);
-        ours.then(|| size.parse::<f64>().ok()).flatten()
+        let ours = symbol.contains("treelet") && signs.iter().any(|sign| symbol.contains(sign));
+        ours.then(|| size.parse::<u64>().ok()).flatten()
     };
     lines.lines().filter_map(size).sum()
 }
@@ -107,8 +109,10 @@ mod tests {
         assert_eq!(section(sections, "Total"), Some(2500.0));
         assert_eq!(section(sections, ".data"), None);
         let symbols = "10 30 t _ZN7treelet4simd4avx23runE\n40 5 T _ZN7treelet4simd6avx5123runE\n\
-                       50 7 t _ZN6memchr4avx2E\n60 t _ZN7treelet4avx2E\n";
-        assert_eq!(kernels(symbols, "4avx2"), 30.0);
-        assert_eq!(kernels(symbols, "6avx512"), 5.0);
+                       50 7 t _ZN6memchr4avx2E\n60 t _ZN7treelet4simd4avx2E\n\
+                       70 9 T _ZN70_$LT$treelet..simd..avx512..Avx512$u20$as$GT$4callE\n";
+        assert_eq!(kernels(symbols, "avx2"), 30);
+        assert_eq!(kernels(symbols, "avx512"), 14);
+        assert_eq!(kernels(symbols, "sse42"), 0);
     }
 }
