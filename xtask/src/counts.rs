@@ -16,9 +16,11 @@ use crate::limits::{Measured, Table};
 use crate::rivals::target;
 use crate::step::{cargo_command, output};
 
-/// What is let pass: a copy of another length, a library with another `memcpy`.
+/// What is let pass: a copy of another length, a library with another `memcpy`. Walks count the same
+/// to the instruction every time; no longer culling what waits behind a hit made them 1.0 to 2.4 %
+/// dearer here.
 const LIMITS: Table =
-    Table { name: "counts", tolerance: 0.02, bless: "cargo xtask counts --bless" };
+    Table { name: "counts", tolerance: 0.01, bless: "cargo xtask counts --bless" };
 
 /// The function that is counted, as callgrind knows it, and the one after which it writes a file.
 const COUNTED: [&str; 2] = ["counts::measured*", "counts::told*"];
