@@ -47,6 +47,10 @@ macro_rules! zeroed {
 pub(crate) use zeroed;
 
 // SAFETY: zero is a number of each of them.
+unsafe impl Zeroed for u8 {}
+// SAFETY: as above.
+unsafe impl Zeroed for u16 {}
+// SAFETY: as above.
 unsafe impl Zeroed for u32 {}
 // SAFETY: as above.
 unsafe impl Zeroed for f32 {}

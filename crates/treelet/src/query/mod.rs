@@ -6,10 +6,13 @@ pub(crate) mod closest;
 pub(crate) mod count;
 pub(crate) mod many;
 
+use crate::layout::compact::Compact;
+use crate::layout::packing::Packing;
+use crate::layout::wide::Plain;
 use crate::math::Ray;
 use crate::simd::{Checked, Function, Simd};
 use crate::trace::counters::Count;
-use crate::trace::structure::{Layout, Structure};
+use crate::trace::structure::{Get, Layout, Structure};
 use crate::trace::walk::{Visitor, walk};
 use core::marker::PhantomData;
 
@@ -53,17 +56,33 @@ fn ask_at<'a, Q: Question<'a>, C: Count>(
     counters: &mut C,
 ) -> Q::Answer {
     match structure.layout {
-        Layout::Wide8(_) => level.apply::<Ask<'_, '_, Q, C, 8>>(structure, ray, seed, counters),
-        Layout::Wide16(_) => level.apply::<Ask<'_, '_, Q, C, 16>>(structure, ray, seed, counters),
+        Layout::Wide8(_) => {
+            level.apply::<Ask<'_, '_, Plain, Q, C, 8>>(structure, ray, seed, counters)
+        }
+        Layout::Wide16(_) => {
+            level.apply::<Ask<'_, '_, Plain, Q, C, 16>>(structure, ray, seed, counters)
+        }
+        Layout::Compact8(_) => {
+            level.apply::<Ask<'_, '_, Compact, Q, C, 8>>(structure, ray, seed, counters)
+        }
+        Layout::Compact16(_) => {
+            level.apply::<Ask<'_, '_, Compact, Q, C, 16>>(structure, ray, seed, counters)
+        }
     }
 }
 
 /// A walk through nodes of `W` children.
-struct Ask<'a, 'r, Q, C, const W: usize>(PhantomData<(&'a (), Q, &'r C)>);
+struct Ask<'a, 'r, K, Q, C, const W: usize>(PhantomData<(&'a (), K, Q, &'r C)>);
 
 macro_rules! widths {
     ($($width:literal)*) => {
-        $(impl<'a, 'r, Q: Question<'a>, C: Count> Function for Ask<'a, 'r, Q, C, $width> {
+        $(impl<'a, 'r, K, Q, C> Function for Ask<'a, 'r, K, Q, C, $width>
+        where
+            K: Packing<$width>,
+            Q: Question<'a>,
+            C: Count,
+            Layout: Get<K, $width>,
+        {
             type A = &'a Structure;
             type B = &'r Ray;
             type C = Q::Seed;
@@ -79,7 +98,7 @@ macro_rules! widths {
                 counters: &'r mut C,
             ) -> Q::Answer {
                 let mut visitor = Q::begin(ray, seed);
-                walk::<S, Q, C, $width>(simd, structure, ray, &mut visitor, counters);
+                walk::<K, S, Q, C, $width>(simd, structure, ray, &mut visitor, counters);
                 visitor.answer()
             }
         })*

@@ -11,6 +11,7 @@ use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
 use crate::geometry::Mesh;
 use crate::geometry::triangle::Ordinary;
+use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Packed, lower};
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
@@ -94,9 +95,17 @@ fn finish(
             let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
             (Layout::Wide16(lowered.wide), lowered.instances)
         }
+        LayoutChoice::Compact8 => {
+            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, cancel)?;
+            (Layout::Compact8(pack(&lowered.wide, cancel)?), lowered.instances)
+        }
+        LayoutChoice::Compact16 => {
+            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
+            (Layout::Compact16(pack(&lowered.wide, cancel)?), lowered.instances)
+        }
     };
     for (at, instance) in instances.iter().enumerate() {
-        if instance.structure.layout.width() != layout.width() {
+        if !instance.structure.layout.is_as(&layout) {
             return Err(SceneError::MixedLayouts { instance: at });
         }
     }

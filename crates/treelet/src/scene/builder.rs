@@ -29,11 +29,15 @@ pub enum LayoutChoice {
     Wide8,
     /// [`crate::layout::wide::INFO_16`].
     Wide16,
+    /// [`crate::layout::compact::INFO_8`].
+    Compact8,
+    /// [`crate::layout::compact::INFO_16`].
+    Compact16,
 }
 
 impl LayoutChoice {
     /// Every layout, in the catalogue's order.
-    pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16];
+    pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16, Self::Compact8, Self::Compact16];
 
     /// 16 children fill the vectors of AVX-512, 8 those of AVX2; with narrower vectors (SSE4.2, NEON,
     /// `simd128`), fewer boxes that are tested in vain count for more than fewer visits.

@@ -124,7 +124,16 @@ pub(crate) trait Floats<const N: usize>: Copy {
     fn le(self, other: Self) -> u32;
     /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
     fn lt(self, other: Self) -> u32;
+
+    /// The bits of each lane, or those of a half word.
+    fn or_halves(self, halves: &[u16; N]) -> Self;
 }
+
+/// Which of 16 bytes become the bytes of four lanes; [`NO_BYTE`] for zero.
+pub(crate) type Shuffle = [u8; 16];
+
+/// See [`Shuffle`].
+pub(crate) const NO_BYTE: u8 = 0x80;
 
 /// What is done with four lanes only: where a ray's coordinates are.
 pub(crate) trait Four: Floats<4> {
@@ -136,6 +145,10 @@ pub(crate) trait Four: Floats<4> {
     fn max_lane(self) -> Self;
     /// Bit `i` is the sign of lane `i`.
     fn signs(self) -> u32;
+    /// The bits of each lane plus those of four lanes shuffled together from `bytes`, modulo 2^32.
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self;
+    /// The first three columns of four rows.
+    fn columns(rows: [Self; 4]) -> [Self; 3];
 }
 
 /// Four lanes of f64.

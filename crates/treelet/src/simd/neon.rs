@@ -5,7 +5,7 @@
 //! bits: lanes are masked to a bit of their own each and summed.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Simd, compress_by_bits};
+use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
 use core::arch::aarch64::*;
 
 token! {
@@ -142,6 +142,16 @@ impl Floats<4> for F4 {
     }
 
     compare! { le vcleq_f32 bits_4 lt vcltq_f32 bits_4 }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
+        Self(unsafe {
+            let words = vmovl_u16(vld1_u16(halves.as_ptr()));
+            vreinterpretq_f32_u32(vorrq_u32(vreinterpretq_u32_f32(self.0), words))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -170,6 +180,27 @@ impl Four for F4 {
     fn signs(self) -> u32 {
         // SAFETY: as above.
         unsafe { bits_4(vcltzq_s32(vreinterpretq_s32_f32(self.0))) }
+    }
+
+    /// The instruction takes every byte from beyond the table as zero.
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let addend = vqtbl1q_u8(vld1q_u8(bytes.as_ptr()), vld1q_u8(shuffle.as_ptr()));
+            let sum = vaddq_u32(vreinterpretq_u32_f32(self.0), vreinterpretq_u32_u8(addend));
+            vreinterpretq_f32_u32(sum)
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (vzip1q_f32(a.0, c.0), vzip1q_f32(b.0, d.0));
+            let (ac_z, bd_z) = (vzip2q_f32(a.0, c.0), vzip2q_f32(b.0, d.0));
+            [Self(vzip1q_f32(ac, bd)), Self(vzip2q_f32(ac, bd)), Self(vzip1q_f32(ac_z, bd_z))]
+        }
     }
 }
 

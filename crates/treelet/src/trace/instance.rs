@@ -4,22 +4,23 @@ use super::counters::Count;
 use super::pending::Pending;
 use super::structure::{Get, Layout};
 use super::walk::Frame;
+use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, LEAF_MAX};
 use crate::math::Ray;
 use crate::simd::{Kernel, Simd};
 use core::marker::PhantomData;
 
 /// What a leaf of instances makes of the walk.
-pub(super) enum Opened<'a, P, const W: usize> {
+pub(super) enum Opened<'a, K: Packing<W>, P, const W: usize> {
     /// Leaves of one each, to be stacked.
     Several([P; LEAF_MAX], usize),
     /// The level inside.
-    One(Frame<'a, W>),
+    One(Frame<'a, K, W>),
 }
 
 /// A leaf of instances: one is entered, several become leaves of one each.
-pub(super) struct InstanceLeaf<'a, 'd, P, C, const W: usize> {
-    pub(super) frame: &'d Frame<'a, W>,
+pub(super) struct InstanceLeaf<'a, 'd, K: Packing<W>, P, C, const W: usize> {
+    pub(super) frame: &'d Frame<'a, K, W>,
     pub(super) first: usize,
     pub(super) count: usize,
     pub(super) ray: &'d Ray,
@@ -29,14 +30,17 @@ pub(super) struct InstanceLeaf<'a, 'd, P, C, const W: usize> {
     pub(super) pending: PhantomData<P>,
 }
 
-impl<'a, P: Pending, C: Count, const W: usize> Kernel for InstanceLeaf<'a, '_, P, C, W>
+impl<'a, K, P, C, const W: usize> Kernel for InstanceLeaf<'a, '_, K, P, C, W>
 where
-    Layout: Get<W>,
+    K: Packing<W>,
+    P: Pending,
+    C: Count,
+    Layout: Get<K, W>,
 {
-    type Output = Opened<'a, P, W>;
+    type Output = Opened<'a, K, P, W>;
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> Opened<'a, P, W> {
+    fn run<S: Simd>(self, simd: S) -> Opened<'a, K, P, W> {
         let Self { frame, first, count, ray, t_max, counters, .. } = self;
         let at = first - frame.wide.triangles;
         let mut several = [Pending::new(Child::END, 0); LEAF_MAX];
@@ -70,15 +74,15 @@ where
 }
 /// The level inside an instance, if the ray has business there.
 #[inline(always)]
-fn enter<'a, S: Simd, const W: usize>(
+fn enter<'a, K: Packing<W>, S: Simd, const W: usize>(
     simd: S,
-    frame: &Frame<'a, W>,
+    frame: &Frame<'a, K, W>,
     at: usize,
     ray: &Ray,
     t_max: f32,
-) -> Option<Frame<'a, W>>
+) -> Option<Frame<'a, K, W>>
 where
-    Layout: Get<W>,
+    Layout: Get<K, W>,
 {
     let instance = frame.structure.leaf_instance(at);
     if instance.mask & ray.mask == 0 {
