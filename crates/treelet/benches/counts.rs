@@ -9,6 +9,7 @@
 
 use std::hint::black_box;
 
+use treelet::scene::LayoutChoice;
 use treelet::simd::Level;
 use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
 use treelet_testkit::{Noise, Shape, awkward, closed};
@@ -16,8 +17,10 @@ use treelet_testkit::{Noise, Shape, awkward, closed};
 /// Rays of each sort: more than the slices that are answered ray by ray.
 const RAYS: usize = 2048;
 
-/// The instruction sets whose kernels are counted: valgrind knows no newer ones.
-const LEVELS: [&str; 3] = ["scalar", "sse42", "avx2"];
+/// The instruction sets whose kernels are counted, valgrind knows no newer ones; and layouts, where
+/// it is not the usual one.
+const KERNELS: [(&str, Option<LayoutChoice>); 4] =
+    [("scalar", None), ("sse42", None), ("avx2", None), ("avx2", Some(LayoutChoice::Compact8))];
 
 /// What is built.
 const BUILDS: [Quality; 2] = [Quality::Fast, Quality::Default];
@@ -25,14 +28,15 @@ const BUILDS: [Quality; 2] = [Quality::Fast, Quality::Default];
 fn main() {
     let shape = room();
     let rays = [("camera", camera()), ("random", random())];
-    for level in LEVELS {
+    for (level, layout) in KERNELS {
         let Some(level) = Level::by_name(level).filter(Level::is_available) else {
             eprintln!("{level}: not on this processor");
             continue;
         };
-        let scene = scene(&shape, &BuildOptions { level, ..Default::default() });
+        let scene = scene(&shape, &BuildOptions { level, layout, ..Default::default() });
+        let layout = if layout.is_some() { " compact" } else { "" };
         for (sort, rays) in &rays {
-            trace(&scene, rays, &format!("{sort} {}", level.name()));
+            trace(&scene, rays, &format!("{sort} {}{layout}", level.name()));
         }
     }
     for quality in BUILDS {

@@ -45,6 +45,15 @@ pub(crate) fn is_compact(variant: &str) -> bool {
     build == default_variant() && layout.starts_with(COMPACT)
 }
 
+/// The default build in the small layout whose nodes are as wide as those of the default layout.
+fn compact_variant() -> Option<String> {
+    let usual = LayoutChoice::best_for(Level::best());
+    let (usual, _) = layouts().find(|(_, layout)| *layout == usual)?;
+    let width = usual.trim_start_matches(|c: char| !c.is_ascii_digit());
+    let variant = |(layout, _): (&str, LayoutChoice)| format!("{} {layout}", default_variant());
+    layouts().map(variant).find(|variant| is_compact(variant) && variant.ends_with(width))
+}
+
 impl Engine for Treelet {
     fn name(&self) -> &'static str {
         NAME
@@ -67,9 +76,7 @@ impl Engine for Treelet {
     }
 
     fn usual_variants(&self) -> Vec<String> {
-        let default = |layout: &str| format!("{} {layout}", default_variant());
-        let small = layouts().map(|(name, _)| default(name)).find(|name| is_compact(name));
-        USUAL.iter().map(|quality| quality.name().to_owned()).chain(small).collect()
+        USUAL.iter().map(|quality| quality.name().to_owned()).chain(compact_variant()).collect()
     }
 
     /// Slices are for the tree that is made to be traced.
@@ -222,5 +229,21 @@ impl Pass for AnyPass<'_> {
 
     fn answers(&self, answers: &mut Vec<Answer>) {
         answers.extend(self.answers.iter().map(|&hit| Answer::any(hit)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Treelet, is_compact, options};
+    use crate::engine::Engine;
+
+    #[test]
+    fn what_is_usual_is_known_and_has_one_small_layout() {
+        let (usual, known) = (Treelet.usual_variants(), Treelet.variants());
+        assert_eq!(usual[..3], ["fast", "default", "best"]);
+        assert!(usual.iter().all(|variant| known.contains(variant)), "{usual:?}");
+        assert_eq!(usual.iter().filter(|variant| is_compact(variant)).count(), 1, "{usual:?}");
+        assert!(known.iter().all(|variant| options(variant).is_some()));
+        assert!(!is_compact("best compact8") && !is_compact("default wide8"));
     }
 }
