@@ -66,9 +66,8 @@ fn hit<S: Simd, const N: usize>(
     const { assert!(N >= LANES * 9 + LANES + LANES) }
     let count = (count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
-    let row = |corner: usize, start: usize| {
-        S::F4::load(simd, row(rows, 3 * corner * count + start))
-    };
+    let row =
+        |corner: usize, start: usize| S::F4::load(simd, row(rows, 3 * corner * count + start));
 
     // Move to the origin and shear.
     let [x, y, z] = ray.axes;
