@@ -254,6 +254,8 @@ impl Priced<'_> {
 
 #[cfg(test)]
 mod tests {
+    use crate::layout::packing::Packing;
+    use crate::layout::wide::Plain;
     use super::super::Collapse;
     use super::super::lower::{Packed, lower};
     use super::super::wide::{ChildKind, Wide};
@@ -304,7 +306,7 @@ mod tests {
             ChildKind::Inner { node } => &wide.nodes[node],
             ChildKind::Leaf { first, count } => {
                 // Ids are the last row of a block.
-                let ids = &wide.block(first)[9 * count..10 * count];
+                let ids = &<Plain as Packing<W>>::leaf(&wide.words, first)[9 * count..10 * count];
                 let Kind::Leaf { first, count } = tree.nodes[root].kind() else { panic!() };
                 let prims = &tree.prims[first..first + count];
                 assert!(ids.iter().zip(prims).all(|(id, prim)| id.to_bits() == *prim));
@@ -321,7 +323,7 @@ mod tests {
         let mut before = 0.0;
         let mut entries = 0;
         for slot in 0..used {
-            let bounds = node.bounds(slot);
+            let bounds = <Plain as Packing<W>>::bounds(node, slot);
             let found = expected.iter().position(|(other, _)| *other == bits(&bounds));
             let (_, part) = expected.swap_remove(found.expect("a box of the definition"));
             assert!(bounds.half_area() >= 0.999 * before, "ascending areas");

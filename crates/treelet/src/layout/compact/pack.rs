@@ -143,6 +143,7 @@ impl Writer<'_> {
 
 #[cfg(test)]
 mod tests {
+    use crate::layout::Collapse;
     use super::{Compact, WIDTH, pack};
     use crate::bounds::Aabb;
     use crate::build::{BinnedSah, Builder};
@@ -183,7 +184,8 @@ mod tests {
                     }
                 };
                 let cancel = Cancel::default();
-                let wide = lower::<WIDTH>(&tree, &bounds, count, &source, &cancel).unwrap().wide;
+                let wide = lower::<WIDTH>(&tree, count as u32, &source, Collapse::Optimal, &cancel);
+                let wide = wide.unwrap().wide;
                 let compact = pack(&wide, &cancel).unwrap();
                 let leaves = |child: Child, packed: Child| match (child.kind(), packed.kind()) {
                     _ if child == Child::END => assert_eq!(packed, Child::END),
