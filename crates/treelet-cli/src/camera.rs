@@ -39,8 +39,8 @@ impl FromStr for CameraChoice {
 
     fn from_str(text: &str) -> Result<Self, String> {
         // Names may hold `=`, but do not begin like the words.
-        let own = |key: &&str| text.strip_prefix(**key).is_some_and(|rest| rest.starts_with('='));
-        if text.is_empty() || KEYS.iter().any(|key| own(&key)) {
+        let own = |key: &str| text.strip_prefix(key).is_some_and(|rest| rest.starts_with('='));
+        if text.is_empty() || KEYS.iter().any(|key| own(key)) {
             text.parse().map(Self::Words)
         } else {
             Ok(Self::Name(text.to_owned()))

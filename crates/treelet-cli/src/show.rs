@@ -4,7 +4,6 @@
 //! Sources: "Terminal graphics protocol", kitty documentation; "Inline Images Protocol", iTerm2
 //! documentation; "VT330/VT340 Programmer Reference Manual", volume 2, chapter 14 (sixel).
 
-use std::fmt::Write as _;
 use std::io::Write as _;
 
 use base64::Engine as _;
@@ -95,7 +94,7 @@ fn sixel(image: &Image) -> String {
     let mut text = format!("\x1bPq\"1;1;{width};{height}");
     for color in 0..216_u32 {
         let [r, g, b] = [color / 36, color / 6 % 6, color % 6].map(|c| c * 100 / STEPS);
-        drop(write!(text, "#{color};2;{r};{g};{b}"));
+        text += &format!("#{color};2;{r};{g};{b}");
     }
     let mut indexed = vec![0_u8; width * height];
     for (row, out) in image.pixels().chunks(width).zip(indexed.chunks_mut(width)) {
@@ -118,7 +117,7 @@ fn sixel(image: &Image) -> String {
             indexed[row * width..][..width].iter().for_each(|&c| used[usize::from(c)] = true);
         }
         for color in (0..216).filter(|&color| used[color]) {
-            drop(write!(text, "#{color}"));
+            text += &format!("#{color}");
             let cell = |x: usize| {
                 let bits = rows.clone().enumerate().map(|(bit, row)| {
                     u8::from(usize::from(indexed[row * width + x]) == color) << bit
@@ -131,7 +130,7 @@ fn sixel(image: &Image) -> String {
                 let run = (x..width).take_while(|&x| cell(x) == sixel).count();
                 let sixel = char::from(sixel);
                 if run > 3 {
-                    drop(write!(text, "!{run}{sixel}"));
+                    text += &format!("!{run}{sixel}");
                 } else {
                     text.extend(std::iter::repeat_n(sixel, run));
                 }
@@ -152,7 +151,7 @@ fn blocks(image: &Image) -> String {
         let (above, below) = pair.split_at(width.min(pair.len()));
         for (x, [r, g, b]) in above.iter().enumerate() {
             let [s, t, u] = below.get(x).copied().unwrap_or([0; 3]);
-            drop(write!(text, "\x1b[38;2;{r};{g};{b};48;2;{s};{t};{u}m\u{2580}"));
+            text += &format!("\x1b[38;2;{r};{g};{b};48;2;{s};{t};{u}m\u{2580}");
         }
         text += "\x1b[0m\n";
     }
