@@ -100,7 +100,7 @@ impl Renderer<'_> {
     }
 
     /// Albedo and normal where a ray ends.
-    fn guide(&self, ray: &Ray) -> ([f32; 3], [f32; 3]) {
+    pub(crate) fn guide(&self, ray: &Ray) -> ([f32; 3], [f32; 3]) {
         let world = &self.world;
         let hit = world.closest(ray, 0);
         let surface = hit.and_then(|hit| world.surface(&hit, ray.direction));

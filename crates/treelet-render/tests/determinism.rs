@@ -79,3 +79,33 @@ fn seeds_differ() {
     });
     assert_ne!(a, b);
 }
+
+/// Every builder and every number of threads gives the same picture, bit for bit: through holes,
+/// with textures, and where only noisy tiles are sampled on.
+#[test]
+fn builders_and_threads_leave_no_trace() {
+    let mut model = box_scene();
+    model.materials[4].alpha = treelet_model::AlphaMode::Blend;
+    model.materials[4].opacity = 0.6;
+    let settings = Settings { width: 48, height: 32, ..SIZE };
+    let mut films = Vec::new();
+    for &builder in treelet::build::ALL {
+        let options = treelet::BuildOptions { builder: Some(builder), ..Default::default() };
+        let placed = treelet_model::PlacedModel::build(&model, &options).unwrap();
+        let renderer = Renderer::new(&model, &placed, &box_camera(), settings).unwrap();
+        let threads = 1 + films.len() % 2;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut film = renderer.film().unwrap();
+        pool.install(|| {
+            for _ in 0..24 {
+                renderer.adaptive_pass(&mut film, 0.35, &Cancel::new()).unwrap();
+            }
+        });
+        assert!(film.samples() < 24 * 48 * 32, "some tiles are left: {}", film.samples());
+        assert!(film.samples() > 17 * 48 * 32, "and some are not: {}", film.samples());
+        films.push((builder.info().name, bits(&film)));
+    }
+    for (name, film) in &films {
+        assert_eq!(film, &films[0].1, "{name} and {}", films[0].0);
+    }
+}
