@@ -174,7 +174,7 @@ fn strategies_agree_under_an_environment_with_a_bright_spot() {
         world_from_environment: Affine::IDENTITY,
         scale: [1.0; 3],
     });
-    strategies_agree("environment", &model, 96);
+    strategies_agree("environment", &model, 256);
 }
 
 #[test]
@@ -203,5 +203,5 @@ fn strategies_agree_under_thousands_of_lamps() {
     model.objects.push(object);
     let world_from_object = Affine::translation([0.0, 0.2, 0.0]);
     model.placements.push(treelet_model::Placement { object: 1, world_from_object });
-    strategies_agree("lamps", &model, 96);
+    strategies_agree("lamps", &model, 256);
 }
