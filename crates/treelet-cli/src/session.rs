@@ -23,8 +23,8 @@ pub(crate) struct Session {
     pub(crate) cancel: Cancel,
     /// Threads at work.
     pub(crate) threads: usize,
-    /// Whether somebody asked for that many.
-    pub(crate) threads_asked: bool,
+    /// The numbers of threads that somebody asked for, one after the other; perhaps none.
+    pub(crate) threads_asked: Vec<usize>,
 }
 
 /// What a verb has to report, and how it ended.
@@ -130,15 +130,19 @@ pub(crate) fn refuse(words: &[OsString], message: &clap::Error) -> ExitCode {
 /// Prepares threads and cancelling, and runs the verb.
 fn start(arguments: Arguments) -> Result<Outcome, Failure> {
     let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = arguments.threads {
-        pool = pool.num_threads(threads.get());
+    let threads_asked: Vec<usize> = arguments.threads.iter().map(|n| n.get()).collect();
+    if threads_asked.len() > 1 && !arguments.verb.takes_several_thread_counts() {
+        let verb = arguments.verb.name();
+        return Err(Failure::Usage(format!(
+            "--threads: `{verb}` works with one number of threads; only `bench` tries several"
+        )));
+    }
+    if let Some(&threads) = threads_asked.iter().max() {
+        pool = pool.num_threads(threads);
     }
     let pool = pool.build()?;
-    let session = Session {
-        cancel: Cancel::new(),
-        threads: pool.current_num_threads(),
-        threads_asked: arguments.threads.is_some(),
-    };
+    let session =
+        Session { cancel: Cancel::new(), threads: pool.current_num_threads(), threads_asked };
     watch_for_interrupts(session.cancel.clone())?;
     pool.install(|| arguments.verb.run(&session))
 }

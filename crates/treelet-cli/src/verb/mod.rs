@@ -30,6 +30,11 @@ macro_rules! catalogue {
                 }
             }
 
+            /// Whether it measures with one number of threads after the other.
+            pub(crate) fn takes_several_thread_counts(&self) -> bool {
+                matches!(self, Self::Bench(_))
+            }
+
             /// Does what the verb says.
             pub(crate) fn run(self, session: &Session) -> Result<Outcome, Failure> {
                 match self {

@@ -7,7 +7,7 @@
 //! it accepts, whatever the tree. Hits are offered to it with all their digits, so it may look
 //! anything up. The walk is compiled once a level for all filters.
 
-use super::ask;
+use super::{Question, ask};
 use crate::geometry::Hit;
 use crate::layout::wide::Child;
 use crate::math::Ray;
@@ -52,11 +52,24 @@ impl Closest<'_> {
     }
 }
 
+impl<'a, 'f> Question<'a> for Closest<'f> {
+    type Seed = Filter<'f>;
+    type Answer = Option<Hit>;
+
+    #[inline(always)]
+    fn begin(ray: &Ray, accept: Filter<'f>) -> Self {
+        Self { t: ray.t_max, best: None, accept }
+    }
+
+    #[inline(always)]
+    fn answer(self) -> Option<Hit> {
+        self.best
+    }
+}
+
 /// The first hit that is accepted.
 pub(crate) fn closest(structure: &Structure, ray: &Ray, accept: Filter<'_>) -> Option<Hit> {
-    let mut visitor = Closest { t: ray.t_max, best: None, accept };
-    ask(structure, ray, &mut visitor);
-    visitor.best
+    ask::<Closest<'_>>(structure, ray, accept)
 }
 
 struct Any<'f> {
@@ -87,9 +100,22 @@ impl Any<'_> {
     }
 }
 
+impl<'a, 'f> Question<'a> for Any<'f> {
+    type Seed = Filter<'f>;
+    type Answer = bool;
+
+    #[inline(always)]
+    fn begin(ray: &Ray, accept: Filter<'f>) -> Self {
+        Self { t_max: ray.t_max, found: false, accept }
+    }
+
+    #[inline(always)]
+    fn answer(self) -> bool {
+        self.found
+    }
+}
+
 /// Whether a hit is accepted.
 pub(crate) fn any(structure: &Structure, ray: &Ray, accept: Filter<'_>) -> bool {
-    let mut visitor = Any { t_max: ray.t_max, found: false, accept };
-    ask(structure, ray, &mut visitor);
-    visitor.found
+    ask::<Any<'_>>(structure, ray, accept)
 }
