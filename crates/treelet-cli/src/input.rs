@@ -183,6 +183,11 @@ impl Input {
 
 /// The guess for a file, from its extension below any wrapper.
 fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
+    match model.up {
+        Some(1) => return Up::Y,
+        Some(2) => return Up::Z,
+        _ => {}
+    }
     let Some(file) = scene else { return Up::Y };
     let name = file.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let inner = name.trim_end_matches(".gz").trim_end_matches(".zst");

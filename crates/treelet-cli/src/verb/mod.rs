@@ -51,6 +51,8 @@ catalogue! {
     verify "verify" Verify,
     bench "bench" Bench,
     list "list" List,
+    completions "completions" Completions,
+    man "man" Man,
 }
 
 /// Name and summary of every verb, in the catalogue's order.
