@@ -10,8 +10,8 @@ use crate::normals;
 use crate::source::Source;
 
 use super::accessor::Accessors;
-use super::buffers::Buffers;
-use super::json::{self, Mesh, Primitive, Root, mode};
+use super::extensions;
+use super::json::{Mesh, Primitive, Root, mode};
 
 /// Reads meshes, each once, and once also the positions and indices that several primitives share.
 pub(super) struct Meshes<'s, 'a> {
@@ -31,11 +31,11 @@ pub(super) struct Meshes<'s, 'a> {
 }
 
 impl<'s, 'a> Meshes<'s, 'a> {
-    pub(super) fn new(source: &'s Source<'a>, root: &'s Root, buffers: &'s Buffers<'a>) -> Self {
+    pub(super) fn new(accessors: Accessors<'s, 'a>) -> Self {
         Self {
-            source,
-            root,
-            accessors: Accessors { source, root, buffers },
+            source: accessors.source,
+            root: accessors.root,
+            accessors,
             objects: HashMap::new(),
             positions: HashMap::new(),
             triangles: HashMap::new(),
@@ -101,16 +101,14 @@ impl<'s, 'a> Meshes<'s, 'a> {
         let has_data = |accessor: usize| {
             self.root.accessors.get(accessor).is_some_and(|a| a.buffer_view.is_some())
         };
-        if let Some(fault) = json::compressed(&primitive.extensions)
-            && !has_data(position)
-        {
-            return Err(source.error(place, fault));
+        if primitive.extensions.draco.is_some() && !has_data(position) {
+            return Err(source.error(place, extensions::draco()));
         }
 
         let positions = match self.positions.get(&position) {
             Some(positions) => positions.clone(),
             None => {
-                let positions = self.accessors.vectors(position, "positions")?;
+                let positions: Array<_> = self.accessors.vectors(position, "positions")?.into();
                 self.positions.insert(position, positions.clone());
                 positions
             }
@@ -155,13 +153,11 @@ impl<'s, 'a> Meshes<'s, 'a> {
         mesh: &treelet::Mesh,
         place: &Place,
     ) -> Result<Array<[f32; 3]>> {
-        let read = self.accessors.vectors(accessor, "normals")?;
-        if read.len() != vertices {
-            let found = format!("has {} normals for {vertices} vertices", read.len());
+        let mut normals = self.accessors.vectors(accessor, "normals")?;
+        if normals.len() != vertices {
+            let found = format!("has {} normals for {vertices} vertices", normals.len());
             return Err(self.source.broken(place.clone(), found, super::INVALID));
         }
-        let mut normals = self.source.vec(vertices, "normals")?;
-        normals.extend_from_slice(&read);
         self.replaced_normals += normals::repair(&mut normals, mesh);
         Ok(normals.into())
     }

@@ -13,10 +13,14 @@
 mod accessor;
 mod buffers;
 mod container;
+mod extensions;
+mod instancing;
 mod json;
 mod material;
 mod meshes;
+mod meshopt;
 mod nodes;
+mod views;
 
 use treelet_model::Model;
 
@@ -24,8 +28,10 @@ use crate::catalogue::{Importer, Info};
 use crate::error::{Place, Result, quote};
 use crate::source::Source;
 
+use accessor::Accessors;
 use buffers::Buffers;
 use json::Root;
+use views::Views;
 
 /// The format, as the catalogue names it.
 #[derive(Clone, Copy, Debug)]
@@ -47,15 +53,17 @@ impl Importer for Gltf {
     fn read(&self, source: &Source<'_>) -> Result<Model> {
         let parts = container::open(source)?;
         let root: Root = json::parse(source, &parts)?;
-        let mut warnings = json::check_extensions(source, &root)?;
-        json::collect_warnings(&root, &mut warnings);
+        let mut warnings = extensions::check(source, &root)?;
+        extensions::collect_warnings(&root, &mut warnings);
         let buffers = Buffers::open(source, &root, parts.binary)?;
-        let walk = nodes::walk(source, &root, &mut warnings)?;
+        let views = Views::open(source, &root, &buffers)?;
+        let accessors = Accessors { source, root: &root, views: &views };
+        let walk = nodes::walk(&accessors, &mut warnings)?;
 
         // Read each mesh once, when the first node places it.
         let mut model = Model { cameras: walk.cameras, ..Model::default() };
         model.materials = material::read_all(&root, &mut warnings);
-        let mut meshes = meshes::Meshes::new(source, &root, &buffers);
+        let mut meshes = meshes::Meshes::new(accessors);
         for (mesh, world_from_object) in walk.placed {
             let object = meshes.object(mesh, &mut model)?;
             model.placements.push(treelet_model::Placement { object, world_from_object });

@@ -6,6 +6,8 @@ use treelet_model::Camera;
 use crate::error::{Place, Result};
 use crate::source::Source;
 
+use super::accessor::Accessors;
+use super::instancing;
 use super::json::{Node, Root};
 
 /// What stands where.
@@ -17,12 +19,13 @@ pub(super) struct Walk {
 }
 
 /// Rows of `[m0, m1, m2, b]`, as in [`Affine`].
-type Rows = [[f64; 4]; 3];
+pub(super) type Rows = [[f64; 4]; 3];
 
 const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// Walks the scene that the file shows.
-pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>) -> Result<Walk> {
+pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) -> Result<Walk> {
+    let Accessors { source, root, .. } = *accessors;
     let roots = roots(source, root)?;
     let nodes = &root.nodes;
     let mut parents: Vec<Option<Parent>> =
@@ -57,8 +60,15 @@ pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>)
                 let found = format!("names mesh {mesh} of {}", root.meshes.len());
                 return Err(source.broken(place(nodes, index), found, super::INVALID));
             }
-            let rounded = Affine(world.map(|row| row.map(|entry| entry as f32)));
-            source.push(&mut walk.placed, (mesh, rounded), "placements")?;
+            match node.extensions.as_ref().and_then(|extensions| extensions.instancing.as_ref()) {
+                Some(copies) => {
+                    let copies = instancing::read(accessors, copies, &place(nodes, index))?;
+                    source.make_room(&mut walk.placed, copies.len(), "placements")?;
+                    let place = |copy: &Rows| (mesh, rounded(&compose(&world, copy)));
+                    walk.placed.extend(copies.iter().map(place));
+                }
+                None => source.push(&mut walk.placed, (mesh, rounded(&world)), "placements")?,
+            }
         }
         if let Some(camera) = node.camera {
             let camera = root.cameras.get(camera);
@@ -143,6 +153,11 @@ fn roots(source: &Source<'_>, root: &Root) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
+/// A transform as the model has it.
+fn rounded(world: &Rows) -> Affine {
+    Affine(world.map(|row| row.map(|entry| entry as f32)))
+}
+
 /// The transform of a node against its parent; `None` for a projective matrix.
 fn local_transform(node: &Node) -> Option<Rows> {
     if let Some(matrix) = &node.matrix {
@@ -154,11 +169,16 @@ fn local_transform(node: &Node) -> Option<Rows> {
     let t = node.translation.as_deref().copied().unwrap_or([0.0; 3]);
     let r = node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let s = node.scale.as_deref().copied().unwrap_or([1.0; 3]);
+    Some(transform(t, r, s))
+}
+
+/// First scales, then turns by a quaternion, then moves.
+pub(super) fn transform(t: [f64; 3], r: [f64; 4], s: [f64; 3]) -> Rows {
     let rotation = rotation(r);
-    Some([0, 1, 2].map(|row| {
+    [0, 1, 2].map(|row| {
         let [a, b, c] = rotation[row];
         [a * s[0], b * s[1], c * s[2], t[row]]
-    }))
+    })
 }
 
 /// The matrix of a quaternion x, y, z, w of any length; that of length zero turns nothing.
