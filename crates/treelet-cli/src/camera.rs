@@ -66,7 +66,7 @@ pub(crate) fn words(camera: &Camera) -> String {
     let along = |axis: usize| f64::from(from[axis]) + step * f64::from(forward[axis]);
     let at: [f32; 3] = std::array::from_fn(|axis| along(axis) as f32);
     let point = |[x, y, z]: [f32; 3]| format!("{x:?},{y:?},{z:?}");
-    format!("from={} at={} fov={:?}", point(from), point(at), camera.vertical_fov.to_degrees())
+    format!("from={} at={} fov={:?}", point(from), point(at), camera.vertical_fov(1.0).to_degrees())
 }
 
 fn point(word: &str, value: &str) -> Result<[f32; 3], String> {

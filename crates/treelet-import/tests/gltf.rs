@@ -119,7 +119,7 @@ fn cameras_lose_their_scale() {
         {"name":"eye","camera":0,"translation":[1,2,3],"scale":[3,3,3]},{"camera":1}"#;
     let got = model("a.glb", square_glb(nodes, cameras));
     let [camera] = &got.cameras[..] else { panic!("one camera, not {}", got.cameras.len()) };
-    assert_eq!((&*camera.name, camera.vertical_fov), ("eye", 0.5));
+    assert_eq!((&*camera.name, camera.vertical_fov(1.0)), ("eye", 0.5));
     let rows = [[1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 2.0], [0.0, 0.0, 1.0, 3.0]];
     assert_eq!(camera.world_from_camera.0, rows);
     assert_eq!(got.warnings, ["Cameras that are not perspective are not read."]);

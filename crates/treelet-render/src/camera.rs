@@ -18,7 +18,7 @@ pub(crate) struct Pinhole {
 impl Pinhole {
     /// Checks the camera; its axes are normalised, so that a scale in the file does no harm.
     pub(crate) fn new(camera: &Camera, width: u32, height: u32) -> Result<Self, RenderError> {
-        let radians = camera.vertical_fov;
+        let radians = camera.vertical_fov(1.0);
         if !(radians > 0.0 && radians < core::f32::consts::PI) {
             return Err(RenderError::FieldOfView { radians });
         }
@@ -56,7 +56,7 @@ mod tests {
     use super::Pinhole;
     use crate::error::RenderError;
     use treelet::math::vec3;
-    use treelet_model::Camera;
+    use treelet_model::{Camera, View};
 
     #[test]
     fn edges_are_half_the_angle_apart() {
@@ -73,7 +73,7 @@ mod tests {
     fn nonsense_is_refused() {
         let good = Camera::look_at([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0).unwrap();
         for vertical_fov in [0.0, -1.0, 3.2, f32::NAN, f32::INFINITY] {
-            let camera = Camera { vertical_fov, ..good.clone() };
+            let camera = Camera { view: View::Perspective { vertical_fov }, ..good.clone() };
             let error = Pinhole::new(&camera, 10, 10).unwrap_err();
             assert!(matches!(error, RenderError::FieldOfView { .. }), "{vertical_fov}");
         }

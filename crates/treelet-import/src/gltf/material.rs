@@ -73,5 +73,6 @@ fn read(json: &json::Material, has_textures: &mut bool) -> Material {
         // An index of 0 stands for "infinite" in that extension; 1 and more are physical.
         ior: ior.clamp(1.0, IOR_MAX),
         emission,
+        ..Material::default()
     }
 }

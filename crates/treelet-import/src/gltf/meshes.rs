@@ -142,7 +142,7 @@ impl<'s, 'a> Meshes<'s, 'a> {
             let found = format!("names material {material} of {default}");
             return Err(source.broken(place, found, super::INVALID));
         }
-        Ok(Some(Part { mesh, normals, material }))
+        Ok(Some(Part { normals, ..Part::new(mesh, material) }))
     }
 
     /// Unit normals, one a vertex.

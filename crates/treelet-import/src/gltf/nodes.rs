@@ -1,7 +1,7 @@
 //! The node graph, walked without recursion, every world transform composed in f64.
 
 use treelet::math::Affine;
-use treelet_model::Camera;
+use treelet_model::{Camera, View};
 
 use crate::error::{Place, Result};
 use crate::source::Source;
@@ -221,7 +221,8 @@ fn perspective(camera: &super::json::Camera, node: &Node, world: &Rows) -> Optio
     world_from_camera.is_finite().then(|| Camera {
         name: name.clone(),
         world_from_camera,
-        vertical_fov: yfov as f32,
+        view: View::Perspective { vertical_fov: yfov as f32 },
+        ..Camera::default()
     })
 }
 

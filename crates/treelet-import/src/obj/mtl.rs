@@ -158,6 +158,7 @@ impl Raw {
             transmission,
             ior: self.ior.filter(|ior| ior.is_finite()).map_or(plain.ior, |ior| ior.max(1.0)),
             emission: self.emission.unwrap_or_default().map(light),
+            ..plain
         }
     }
 }

@@ -28,11 +28,11 @@ pub(super) fn make(
         let mut triangles = source.vec(part.triangles.len(), "triangles")?;
         triangles.extend(part.triangles.iter().map(|t| t.map(|corner| corner.position)));
         let mesh = Mesh::new(positions, triangles);
-        return Ok(vec![Part { mesh, normals: None, material: 0 }]);
+        return Ok(vec![Part::new(mesh, 0)]);
     }
     if parts.is_empty() {
         let mesh = Mesh::new(positions, Vec::new());
-        return Ok(vec![Part { mesh, normals: None, material: 0 }]);
+        return Ok(vec![Part::new(mesh, 0)]);
     }
 
     let heads = source.whole(source.budget.filled(NONE, positions.len(), "vertex numbers"))?;
@@ -56,7 +56,7 @@ pub(super) fn make(
             None
         };
         weld.reset();
-        made.push(Part { mesh, normals: own_normals, material: 0 });
+        made.push(Part { normals: own_normals, ..Part::new(mesh, 0) });
     }
     if replaced > 0 {
         let one = "normal that is missing or of no length was";

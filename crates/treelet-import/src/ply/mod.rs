@@ -127,7 +127,7 @@ fn model(vertices: Vertices, faces: Faces<'_, '_>, mut warnings: Vec<String>) ->
         }
         array.into()
     });
-    let part = Part { mesh, normals, material: 0 };
+    let part = Part { normals, ..Part::new(mesh, 0) };
     Model {
         objects: vec![Object { name: String::new(), parts: vec![part] }],
         placements: vec![Placement { object: 0, world_from_object: Default::default() }],

@@ -55,7 +55,7 @@ fn model(
     for corners in solids {
         let mut triangles = source.vec(corners.len() / 3, "triangles")?;
         triangles.extend((0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
-        parts.push(Part { mesh: Mesh::new(corners, triangles), normals: None, material: 0 });
+        parts.push(Part::new(Mesh::new(corners, triangles), 0));
     }
     Ok(Model {
         objects: vec![Object { name, parts }],
