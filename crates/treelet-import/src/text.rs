@@ -100,6 +100,12 @@ pub(crate) fn real(word: &[u8]) -> Option<f32> {
     }
 }
 
+/// A number in double precision, as [`real`] reads them.
+pub(crate) fn double(word: &[u8]) -> Option<f64> {
+    let text = str::from_utf8(word).ok()?;
+    text.parse().ok().or_else(|| real(word).map(f64::from))
+}
+
 /// The fault of a word that should have been a number.
 #[cold]
 pub(crate) fn no_number(word: Option<&[u8]>, what: &str) -> Fault {

@@ -6,6 +6,7 @@
 mod common;
 
 use std::io::Write;
+use std::panic::AssertUnwindSafe;
 
 use common::{SQUARE_OBJ, SQUARE_PLY, binary_ply, binary_stl, square_glb, square_json};
 use treelet_import::{Limits, Options, load_bytes};
@@ -134,7 +135,8 @@ fn damaged_files_end_in_a_model_or_an_error() {
             let mut random = Random(seed ^ (file as u64) << 48 ^ (case as u64) << 16);
             let mut bytes = sound.clone();
             mutate(&mut bytes, &mut random);
-            let result = std::panic::catch_unwind(|| load_bytes(name, &bytes, &options));
+            let result =
+                std::panic::catch_unwind(AssertUnwindSafe(|| load_bytes(name, &bytes, &options)));
             match result {
                 Ok(Ok(model)) => {
                     read += 1;

@@ -41,11 +41,32 @@ impl<'s, 'a> Faces<'s, 'a> {
     }
 
     /// Reads all rows of an element of faces or strips.
-    pub(super) fn read<R: Rows<'a>>(
+    pub(super) fn read<'b, R: Rows<'b>>(
         &mut self,
         element: &Element,
         rows: &mut R,
         positions: &[[f32; 3]],
+    ) -> Result<()> {
+        self.expect(element, rows.rest())?;
+        self.read_part(element, rows, positions, 0)
+    }
+
+    /// Makes room for the triangles of an element, of which `rest` bytes of file are left.
+    pub(super) fn expect(&mut self, element: &Element, rest: u64) -> Result<()> {
+        if element.name == "tristrips" {
+            return Ok(());
+        }
+        let rows = usize::try_from(element.count.min(rest)).unwrap_or(usize::MAX);
+        self.source.make_room(&mut self.triangles, rows, TRIANGLES)
+    }
+
+    /// Reads some rows of an element, from row `first` of it on.
+    pub(super) fn read_part<'b, R: Rows<'b>>(
+        &mut self,
+        element: &Element,
+        rows: &mut R,
+        positions: &[[f32; 3]],
+        first: u64,
     ) -> Result<()> {
         let is_strips = element.name == "tristrips";
         let Some((index, count_type, item_type)) = index_list(element) else {
@@ -58,10 +79,6 @@ impl<'s, 'a> Faces<'s, 'a> {
                 "export the file again, with faces as lists of vertex indices",
             ));
         };
-        if !is_strips {
-            let rows = usize::try_from(element.count).unwrap_or(usize::MAX);
-            self.source.make_room(&mut self.triangles, rows, TRIANGLES)?;
-        }
         let is_common = element.properties.len() == 1
             && matches!((count_type, item_type), (Type::U8, Type::I32 | Type::U32));
         let mut row = 0;
@@ -81,7 +98,7 @@ impl<'s, 'a> Faces<'s, 'a> {
             if is_strips {
                 self.add_strips()?;
             } else {
-                self.add_polygon(row, positions)?;
+                self.add_polygon(first + row, positions)?;
             }
             row += 1;
         }
@@ -90,7 +107,7 @@ impl<'s, 'a> Faces<'s, 'a> {
 
     /// The fast path: as many rows of `3 a b c`, one byte and three little-endian words, as follow
     /// each other. Returns how many.
-    fn read_triangle_run<R: Rows<'a>>(&mut self, rows: &mut R, most: u64) -> Result<u64> {
+    fn read_triangle_run<'b, R: Rows<'b>>(&mut self, rows: &mut R, most: u64) -> Result<u64> {
         const ROW: usize = 13;
         let room = (rows.rest() / ROW as u64).min(most).min(POLL_ROWS);
         let mut look = rows.clone();
@@ -110,7 +127,7 @@ impl<'s, 'a> Faces<'s, 'a> {
     }
 
     /// Reads one row; its index list goes to `self.polygon`.
-    fn read_row<R: Rows<'a>>(
+    fn read_row<'b, R: Rows<'b>>(
         &mut self,
         element: &Element,
         index: usize,
