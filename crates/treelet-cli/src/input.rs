@@ -88,6 +88,7 @@ impl SceneFlags {
                 max_ratio: self.max_ratio.unwrap_or(usual.max_ratio),
             },
             cancel: session.cancel.clone(),
+            scene: None,
             progress: None,
         }
     }

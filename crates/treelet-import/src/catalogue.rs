@@ -8,11 +8,12 @@ use treelet_model::Model;
 use crate::error::{Fault, Result};
 use crate::source::Source;
 use crate::stream::Stream;
-use crate::{foreign, gltf, obj, pbrt, ply, stl};
+use crate::{foreign, gltf, obj, off, pbrt, ply, stl};
 
 /// Every format that can be read. A new one is a file and a line here; the first whose content
 /// fits is taken, so those with a sure sign come first.
-pub static ALL: &[&dyn Importer] = &[&gltf::Gltf, &ply::Ply, &stl::Stl, &pbrt::Pbrt, &obj::Obj];
+pub static ALL: &[&dyn Importer] =
+    &[&gltf::Gltf, &ply::Ply, &stl::Stl, &off::Off, &pbrt::Pbrt, &obj::Obj];
 
 /// A scene file format.
 pub trait Importer: Send + Sync {

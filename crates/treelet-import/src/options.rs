@@ -16,6 +16,9 @@ pub struct Options {
     /// Looked at every few milliseconds; once raised, the import ends with
     /// [`crate::Fault::Cancelled`].
     pub cancel: Cancel,
+    /// Which scene of a file of several is read, by name or by number from 0; `None` for the one
+    /// that the file shows.
+    pub scene: Option<String>,
     /// Is told how far reading is.
     pub progress: Option<Watch>,
 }

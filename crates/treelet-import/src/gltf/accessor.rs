@@ -66,6 +66,23 @@ impl<'s> Accessors<'s, '_> {
         }
     }
 
+    /// Colours with alpha, which is 1 where there is none; finite and not below zero.
+    pub(super) fn colors(&self, index: usize) -> Result<Vec<[f32; 4]>> {
+        const WHAT: &str = "colours";
+        let mut colors = if self.accessor(index)?.shape == SHAPES[3] {
+            let opaque: Vec<[f32; 3]> = self.vectors(index, WHAT)?;
+            let mut colors = self.source.vec(opaque.len(), WHAT)?;
+            colors.extend(opaque.iter().map(|&[r, g, b]| [r, g, b, 1.0]));
+            colors
+        } else {
+            self.vectors::<4>(index, WHAT)?
+        };
+        for channel in colors.as_flattened_mut() {
+            *channel = if channel.is_finite() { channel.max(0.0) } else { 0.0 };
+        }
+        Ok(colors)
+    }
+
     /// One unsigned integer an element.
     pub(super) fn indices(&self, index: usize) -> Result<Vec<u32>> {
         const WHAT: &str = "indices";

@@ -7,6 +7,9 @@ use crate::error::{Fault, Place, Result};
 use crate::source::Source;
 
 use super::container::{self, Parts};
+pub(super) use super::look::{
+    Image, Light, Material, RootExtensions, Sampler, Texture, TextureInfo,
+};
 
 /// JSON text may take so many times its size in memory once it is structures.
 const BYTES_PER_BYTE: u64 = 64;
@@ -30,7 +33,11 @@ pub(super) struct Root {
     pub(super) buffers: Vec<Buffer>,
     pub(super) materials: Vec<Material>,
     pub(super) cameras: Vec<Camera>,
-    pub(super) animations: Vec<IgnoredAny>,
+    pub(super) animations: Vec<Animation>,
+    pub(super) images: Vec<Image>,
+    pub(super) samplers: Vec<Sampler>,
+    pub(super) textures: Vec<Texture>,
+    pub(super) extensions: RootExtensions,
     pub(super) skins: Vec<IgnoredAny>,
 }
 
@@ -43,6 +50,7 @@ pub(super) struct Asset {
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Scene {
+    pub(super) name: String,
     pub(super) nodes: Vec<usize>,
 }
 
@@ -66,6 +74,14 @@ pub(super) struct Node {
 pub(super) struct NodeExtensions {
     #[serde(rename = "EXT_mesh_gpu_instancing")]
     pub(super) instancing: Option<Instancing>,
+    #[serde(rename = "KHR_lights_punctual")]
+    pub(super) light: Option<LightIndex>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct LightIndex {
+    pub(super) light: usize,
 }
 
 /// `EXT_mesh_gpu_instancing`: one node that stands for many copies of its mesh.
@@ -134,6 +150,12 @@ pub(super) mod mode {
 pub(super) struct Attributes {
     pub(super) position: Option<usize>,
     pub(super) normal: Option<usize>,
+    pub(super) tangent: Option<usize>,
+    pub(super) texcoord_0: Option<usize>,
+    pub(super) texcoord_1: Option<usize>,
+    pub(super) texcoord_2: Option<usize>,
+    pub(super) texcoord_3: Option<usize>,
+    pub(super) color_0: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -214,89 +236,54 @@ pub(super) struct Buffer {
 }
 
 #[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Material {
-    pub(super) name: String,
-    pub(super) pbr_metallic_roughness: MetallicRoughness,
-    pub(super) emissive_factor: [f32; 3],
-    pub(super) emissive_texture: Option<IgnoredAny>,
-    pub(super) extensions: MaterialExtensions,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct MetallicRoughness {
-    pub(super) base_color_factor: [f32; 4],
-    pub(super) metallic_factor: f32,
-    pub(super) roughness_factor: f32,
-    pub(super) base_color_texture: Option<IgnoredAny>,
-    pub(super) metallic_roughness_texture: Option<IgnoredAny>,
-}
-
-impl Default for MetallicRoughness {
-    /// As the specification sets them.
-    fn default() -> Self {
-        Self {
-            base_color_factor: [1.0; 4],
-            metallic_factor: 1.0,
-            roughness_factor: 1.0,
-            base_color_texture: None,
-            metallic_roughness_texture: None,
-        }
-    }
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct MaterialExtensions {
-    #[serde(rename = "KHR_materials_transmission")]
-    pub(super) transmission: Option<Transmission>,
-    #[serde(rename = "KHR_materials_ior")]
-    pub(super) ior: Option<Ior>,
-    #[serde(rename = "KHR_materials_emissive_strength")]
-    pub(super) emissive_strength: Option<EmissiveStrength>,
-    #[serde(rename = "KHR_materials_pbrSpecularGlossiness")]
-    pub(super) specular_glossiness: Option<SpecularGlossiness>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct Transmission {
-    pub(super) transmission_factor: f32,
-    pub(super) transmission_texture: Option<IgnoredAny>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(default)]
-pub(super) struct Ior {
-    pub(super) ior: Option<f32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct EmissiveStrength {
-    pub(super) emissive_strength: Option<f32>,
-}
-
-#[derive(Debug, Default, Deserialize)]
-#[serde(rename_all = "camelCase", default)]
-pub(super) struct SpecularGlossiness {
-    pub(super) diffuse_factor: Option<[f32; 4]>,
-    pub(super) glossiness_factor: Option<f32>,
-    pub(super) diffuse_texture: Option<IgnoredAny>,
-}
-
-#[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Camera {
     pub(super) name: String,
     pub(super) perspective: Option<Perspective>,
+    pub(super) orthographic: Option<Orthographic>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Orthographic {
+    pub(super) ymag: f64,
 }
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(default)]
 pub(super) struct Perspective {
     pub(super) yfov: f64,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Animation {
+    pub(super) name: String,
+    pub(super) channels: Vec<Channel>,
+    pub(super) samplers: Vec<Curve>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Channel {
+    pub(super) sampler: usize,
+    pub(super) target: Target,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Target {
+    pub(super) node: Option<usize>,
+    pub(super) path: String,
+}
+
+/// Keys over time, by accessors.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Curve {
+    pub(super) input: usize,
+    pub(super) output: usize,
+    pub(super) interpolation: String,
 }
 
 /// Reads the JSON. Its nesting is bounded by the JSON library, its size here.

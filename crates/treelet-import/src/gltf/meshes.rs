@@ -21,6 +21,7 @@ pub(super) struct Meshes<'s, 'a> {
     /// Object of each mesh that was read.
     objects: HashMap<usize, usize>,
     positions: HashMap<usize, Array<[f32; 3]>>,
+    uvs: HashMap<usize, Array<[f32; 2]>>,
     /// By accessor and mode.
     triangles: HashMap<(usize, u32), Array<[u32; 3]>>,
     /// Primitives that are points or lines.
@@ -38,6 +39,7 @@ impl<'s, 'a> Meshes<'s, 'a> {
             accessors,
             objects: HashMap::new(),
             positions: HashMap::new(),
+            uvs: HashMap::new(),
             triangles: HashMap::new(),
             unread: 0,
             ragged: 0,
@@ -142,7 +144,65 @@ impl<'s, 'a> Meshes<'s, 'a> {
             let found = format!("names material {material} of {default}");
             return Err(source.broken(place, found, super::INVALID));
         }
-        Ok(Some(Part { normals, ..Part::new(mesh, material) }))
+        let mut part = Part { normals, ..Part::new(mesh, material) };
+        self.beside(primitive, vertices, &place, &mut part)?;
+        Ok(Some(part))
+    }
+
+    /// Reads what stands beside positions and normals: coordinates, tangents, colours.
+    fn beside(
+        &mut self,
+        primitive: &Primitive,
+        vertices: usize,
+        place: &Place,
+        part: &mut Part,
+    ) -> Result<()> {
+        let attributes = &primitive.attributes;
+        let source = self.source;
+        let check = |len: usize, what: &str| {
+            if len == vertices {
+                return Ok(());
+            }
+            let found = format!("has {len} {what} for {vertices} vertices");
+            Err(source.broken(place.clone(), found, super::INVALID))
+        };
+        // Without textures nobody asks where they lie.
+        if !self.root.textures.is_empty() {
+            let sets = [
+                attributes.texcoord_0,
+                attributes.texcoord_1,
+                attributes.texcoord_2,
+                attributes.texcoord_3,
+            ];
+            let last = sets.iter().rposition(Option::is_some);
+            for &set in sets.iter().take(last.map_or(0, |last| last + 1)) {
+                const WHAT: &str = "texture coordinates";
+                let uvs: Array<[f32; 2]> = match set {
+                    Some(set) => match self.uvs.get(&set) {
+                        Some(uvs) => uvs.clone(),
+                        None => {
+                            let uvs: Array<_> = self.accessors.vectors(set, WHAT)?.into();
+                            self.uvs.insert(set, uvs.clone());
+                            uvs
+                        }
+                    },
+                    None => source.whole(source.budget.filled([0.0; 2], vertices, WHAT))?.into(),
+                };
+                check(uvs.len(), WHAT)?;
+                part.uvs.push(uvs);
+            }
+            if let Some(tangent) = attributes.tangent {
+                let tangents: Vec<[f32; 4]> = self.accessors.vectors(tangent, "tangents")?;
+                check(tangents.len(), "tangents")?;
+                part.tangents = Some(tangents.into());
+            }
+        }
+        if let Some(color) = attributes.color_0 {
+            let colors = self.accessors.colors(color)?;
+            check(colors.len(), "colours")?;
+            part.colors = Some(colors.into());
+        }
+        Ok(())
     }
 
     /// Unit normals, one a vertex.

@@ -129,6 +129,7 @@ pub(super) fn bilinear(file: &Source<'_>, params: &Params) -> Result<Surface> {
     if !rest.is_empty() {
         return broken(format!("{} indices are no patches of four", indices.len()));
     }
+    let given = params.groups::<2>(file, "uv")?;
     let mut surface = Surface::default();
     let mut uvs = Vec::new();
     for patch in patches {
@@ -158,7 +159,17 @@ pub(super) fn bilinear(file: &Source<'_>, params: &Params) -> Result<Surface> {
         let first = surface.positions.len() as u32;
         file.make_room(&mut surface.positions, piece.positions.len(), "vertex positions")?;
         file.make_room(&mut surface.triangles, piece.triangles.len(), "triangles")?;
-        let piece_uvs = piece.uvs.unwrap_or_default();
+        let mut piece_uvs = piece.uvs.unwrap_or_default();
+        let corner = |k: usize| given?.get(usize::try_from(patch[k]).ok()?);
+        if let (Some(a), Some(b), Some(c), Some(d)) = (corner(0), corner(1), corner(2), corner(3)) {
+            for uv in &mut piece_uvs {
+                let (u, v) = (uv[0], 1.0 - uv[1]);
+                let mixed = |k: usize| {
+                    (1.0 - v) * ((1.0 - u) * a[k] + u * b[k]) + v * ((1.0 - u) * c[k] + u * d[k])
+                };
+                *uv = [mixed(0), 1.0 - mixed(1)];
+            }
+        }
         file.make_room(&mut uvs, piece_uvs.len(), "texture coordinates")?;
         surface.positions.extend(piece.positions);
         surface.triangles.extend(piece.triangles.iter().map(|t| t.map(|corner| corner + first)));

@@ -4,9 +4,10 @@ use std::collections::HashMap;
 use std::path::PathBuf;
 
 use treelet_model::texture::{ColorSpace, Filtering, UvTransform, Wrap};
-use treelet_model::{Image, ImageError, Pixels, Texture};
+use treelet_model::{Image, Pixels, Texture};
 
 use crate::error::{Place, Result};
+use crate::picture;
 use crate::source::Source;
 
 use super::params::{Param, Params, Values};
@@ -223,25 +224,14 @@ impl Scene<'_, '_> {
             return Ok(image);
         }
         let bytes = self.main.read_side(&side)?;
-        let image = match Image::decode(&bytes, name, file.budget.left()) {
+        let image = match picture::decode(file, &bytes, name)? {
             Ok(image) => {
-                let index = self.model.images.len();
-                let pixel = match image.pixels {
-                    Pixels::Rgba8(_) => 4,
-                    Pixels::Rgba32F(_) => 16,
-                };
-                // Pixels were counted by the decoder; pictures pack better than anything else.
-                file.budget.earn(pixel * image.pixels.len() as u64);
-                file.whole(file.budget.spend(pixel * image.pixels.len() as u64, "a picture"))?;
                 file.push(&mut self.model.images, image, "pictures")?;
-                Some(index)
+                Some(self.model.images.len() - 1)
             }
-            Err(error @ (ImageError::Format { .. } | ImageError::Broken { .. })) => {
-                self.notes.add(format!("A picture is left out: {error}"));
+            Err(reason) => {
+                self.notes.add(format!("A picture is left out: {reason}"));
                 None
-            }
-            Err(error) => {
-                return Err(file.broken(place.clone(), error.to_string(), "or raise the limit"));
             }
         };
         self.textures.images.insert(side.real, image);
