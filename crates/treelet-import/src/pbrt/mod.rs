@@ -13,6 +13,7 @@
 //! then pictures come out as pbrt shows them.
 
 mod camera;
+mod directives;
 mod lights;
 mod materials;
 mod notes;

@@ -9,9 +9,9 @@ use treelet_model::{Model, Object, Part, Placement, Sky};
 use crate::error::{DAMAGED, Fault, Place, Result, quote};
 use crate::options::HARMLESS_BYTES;
 use crate::source::Source;
-use crate::text;
 
 use super::camera::Film;
+use super::directives::{shown, step_over, string};
 use super::notes::Notes;
 use super::params::{Param, Params};
 use super::textures::Textures;
@@ -39,7 +39,7 @@ pub(super) struct Scene<'s, 'a> {
     pub(super) model: Model,
     pub(super) state: State,
     stack: Vec<(Block, State)>,
-    spaces: HashMap<Vec<u8>, Rows>,
+    pub(super) spaces: HashMap<Vec<u8>, Rows>,
     named_materials: HashMap<String, Option<usize>>,
     pub(super) textures: Textures,
     objects: HashMap<Vec<u8>, usize>,
@@ -106,11 +106,14 @@ impl<'s, 'a> Scene<'s, 'a> {
     pub(super) fn run(&mut self, file: &Source<'_>, depth: usize) -> Result<()> {
         let mut tokens = Tokens::new(file.bytes);
         loop {
-            let place = Place::Line(tokens.line);
+            let line = tokens.line;
+            let place = Place::Line(line);
             file.check_cancelled()?;
             match tokens.next().map_err(|fault| file.error(place.clone(), fault))? {
                 None => return Ok(()),
-                Some(Token::Word(word)) => self.directive(file, word, &mut tokens, depth)?,
+                Some(Token::Word(word)) => {
+                    self.directive(file, (word, line), &mut tokens, depth)?
+                }
                 Some(token) => {
                     let found = format!("{} where a directive should stand", shown(token));
                     return Err(file.broken(place, found, DAMAGED));
@@ -119,18 +122,17 @@ impl<'s, 'a> Scene<'s, 'a> {
         }
     }
 
-    /// Takes one directive, whose first word is `word`.
+    /// Takes one directive, whose first word is `word`, on `line`.
     fn directive(
         &mut self,
         file: &Source<'_>,
-        word: &[u8],
+        (word, line): (&[u8], u64),
         tokens: &mut Tokens<'_>,
         depth: usize,
     ) -> Result<()> {
-        if self.transform_directive(file, word, tokens)? {
+        if self.transform_directive(file, word, line, tokens)? {
             return Ok(());
         }
-        let line = tokens.line;
         match word {
             b"WorldBegin" => {
                 self.place_camera();
@@ -168,16 +170,22 @@ impl<'s, 'a> Scene<'s, 'a> {
                 let value = string(file, tokens)?;
                 let is_float = value == b"float";
                 let class = String::from_utf8_lossy(string(file, tokens)?).into_owned();
-                let params = self.params(file, tokens, "texture")?;
+                let params = self.params(file, line, tokens, "texture")?;
                 self.texture(file, name, is_float, &class, &params)?;
             }
-            _ => return self.described(file, word, tokens),
+            _ => return self.described(file, word, line, tokens),
         }
         Ok(())
     }
 
     /// Directives of a kind and parameters.
-    fn described(&mut self, file: &Source<'_>, word: &[u8], tokens: &mut Tokens<'_>) -> Result<()> {
+    fn described(
+        &mut self,
+        file: &Source<'_>,
+        word: &[u8],
+        line: u64,
+        tokens: &mut Tokens<'_>,
+    ) -> Result<()> {
         const QUIET: [&[u8]; 6] =
             [b"Sampler", b"Integrator", b"PixelFilter", b"Accelerator", b"ColorSpace", b"Option"];
         let kind = |tokens: &mut Tokens<'_>| -> Result<String> {
@@ -186,18 +194,18 @@ impl<'s, 'a> Scene<'s, 'a> {
         match word {
             b"Shape" => {
                 let kind = kind(tokens)?;
-                let params = self.params(file, tokens, "shape")?;
+                let params = self.params(file, line, tokens, "shape")?;
                 self.shape(file, &kind, &params)
             }
             b"Material" => {
                 let kind = kind(tokens)?;
-                let params = self.params(file, tokens, "material")?;
+                let params = self.params(file, line, tokens, "material")?;
                 self.state.material = self.add_material(file, "", &kind, &params)?;
                 Ok(())
             }
             b"MakeNamedMaterial" => {
                 let name = kind(tokens)?;
-                let params = self.params(file, tokens, "material")?;
+                let params = self.params(file, line, tokens, "material")?;
                 let kind = params.string("type").unwrap_or("diffuse").to_owned();
                 let material = self.add_material(file, &name, &kind, &params)?;
                 self.named_materials.insert(name, material);
@@ -205,18 +213,18 @@ impl<'s, 'a> Scene<'s, 'a> {
             }
             b"AreaLightSource" => {
                 let kind = kind(tokens)?;
-                let params = self.params(file, tokens, "light")?;
+                let params = self.params(file, line, tokens, "light")?;
                 self.area_light(&kind, &params);
                 Ok(())
             }
             b"LightSource" => {
                 let kind = kind(tokens)?;
-                let params = self.params(file, tokens, "light")?;
+                let params = self.params(file, line, tokens, "light")?;
                 self.light(file, &kind, &params)
             }
             b"Camera" => {
                 let kind = kind(tokens)?;
-                let params = self.params(file, tokens, "")?;
+                let params = self.params(file, line, tokens, "")?;
                 let world_from_camera = transform::inverse(&self.state.ctm);
                 if let Some(world_from_camera) = world_from_camera {
                     self.spaces.insert(b"camera".to_vec(), world_from_camera);
@@ -226,7 +234,7 @@ impl<'s, 'a> Scene<'s, 'a> {
             }
             b"Film" => {
                 kind(tokens)?;
-                let params = self.params(file, tokens, "")?;
+                let params = self.params(file, line, tokens, "")?;
                 self.film.size(&params);
                 Ok(())
             }
@@ -245,7 +253,7 @@ impl<'s, 'a> Scene<'s, 'a> {
             }
             b"MakeNamedMedium" | b"MediumInterface" => {
                 self.notes.add("Media are not read");
-                self.step_over(file, tokens)
+                step_over(file, tokens)
             }
             b"ActiveTransform" => {
                 tokens.next().map_err(|fault| file.error(Place::Line(tokens.line), fault))?;
@@ -257,77 +265,9 @@ impl<'s, 'a> Scene<'s, 'a> {
                     let told = format!("The pbrt directive {} is not known; left out", quote(word));
                     self.notes.add(told);
                 }
-                self.step_over(file, tokens)
+                step_over(file, tokens)
             }
         }
-    }
-
-    /// Directives that change the current transform. Tells whether this is one.
-    fn transform_directive(
-        &mut self,
-        file: &Source<'_>,
-        word: &[u8],
-        tokens: &mut Tokens<'_>,
-    ) -> Result<bool> {
-        let place = Place::Line(tokens.line);
-        let bad = |found: &str| Err(file.broken(place.clone(), found, "check the numbers"));
-        let local = match word {
-            b"Identity" => {
-                self.state.ctm = IDENTITY;
-                return Ok(true);
-            }
-            b"Translate" => transform::translation(numbers(file, tokens)?),
-            b"Scale" => transform::scaling(numbers(file, tokens)?),
-            b"Rotate" => {
-                let [angle, x, y, z] = numbers(file, tokens)?;
-                match transform::rotation(angle, [x, y, z]) {
-                    Some(rotation) => rotation,
-                    None => return bad("turns about an axis of no length"),
-                }
-            }
-            b"LookAt" => {
-                let [a, b, c, d, e, f, g, h, i] = numbers(file, tokens)?;
-                self.film.up = Some([g, h, i]);
-                match transform::look_at([a, b, c], [d, e, f], [g, h, i]) {
-                    Some(look) => look,
-                    None => return bad("looks nowhere: its points or vectors coincide"),
-                }
-            }
-            b"Transform" | b"ConcatTransform" => {
-                let Some(matrix) = transform::matrix(&numbers(file, tokens)?) else {
-                    return bad("is a matrix whose last row is not 0 0 0 1");
-                };
-                if word == b"Transform" {
-                    self.state.ctm = matrix;
-                    return Ok(true);
-                }
-                matrix
-            }
-            b"CoordinateSystem" => {
-                let name = string(file, tokens)?.to_vec();
-                file.whole(file.budget.spend(128 + name.len() as u64, "coordinate systems"))?;
-                self.spaces.insert(name, self.state.ctm);
-                return Ok(true);
-            }
-            b"CoordSysTransform" => {
-                let name = string(file, tokens)?;
-                match self.spaces.get(name) {
-                    Some(space) => self.state.ctm = *space,
-                    None => {
-                        let told = format!("The coordinate system {} is not defined", quote(name));
-                        self.notes.add(told);
-                    }
-                }
-                return Ok(true);
-            }
-            b"TransformTimes" => {
-                numbers::<2>(file, tokens)?;
-                return Ok(true);
-            }
-            _ => return Ok(false),
-        };
-        self.state.ctm = transform::compose(&self.state.ctm, &local);
-        Ok(true)
     }
 
     /// The index of a material by its name.
@@ -422,29 +362,18 @@ impl<'s, 'a> Scene<'s, 'a> {
     }
 
     /// The parameters of a directive, with the defaults of its kind.
-    fn params(&self, file: &Source<'_>, tokens: &mut Tokens<'_>, target: &str) -> Result<Params> {
-        let mut params = Params::read(file, tokens)?;
+    fn params(
+        &self,
+        file: &Source<'_>,
+        line: u64,
+        tokens: &mut Tokens<'_>,
+        target: &str,
+    ) -> Result<Params> {
+        let mut params = Params { line, ..Params::read(file, tokens)? };
         for (_, param) in self.state.defaults.iter().filter(|(name, _)| **name == *target) {
             params.list.push(Rc::clone(param));
         }
         Ok(params)
-    }
-
-    /// Steps over whatever belongs to a directive that is not read.
-    fn step_over(&self, file: &Source<'_>, tokens: &mut Tokens<'_>) -> Result<()> {
-        let mut depth = 0_u64;
-        loop {
-            let line = tokens.line;
-            let fail = |fault| file.error(Place::Line(line), fault);
-            match tokens.peek().map_err(fail)? {
-                None => return Ok(()),
-                Some(Token::Word(word)) if depth == 0 && is_directive(word) => return Ok(()),
-                Some(Token::Open) => depth += 1,
-                Some(Token::Close) => depth = depth.saturating_sub(1),
-                Some(Token::Quoted(_) | Token::Word(_)) => {}
-            }
-            tokens.next().map_err(fail)?;
-        }
     }
 
     /// The model of all that was read.
@@ -476,52 +405,3 @@ impl<'s, 'a> Scene<'s, 'a> {
 /// Included bytes beyond the harmless, whatever the size of the first file: scenes of a gigabyte
 /// have a first file of a few lines.
 const INCLUDED_MAX: u64 = 16 << 30;
-
-/// Whether a word begins a directive; numbers and truth values do not.
-fn is_directive(word: &[u8]) -> bool {
-    word.first().is_some_and(u8::is_ascii_uppercase) && text::real(word).is_none()
-}
-
-fn shown(token: Token<'_>) -> String {
-    match token {
-        Token::Quoted(text) | Token::Word(text) => quote(text),
-        Token::Open => quote(b"["),
-        Token::Close => quote(b"]"),
-    }
-}
-
-/// The quoted string that must come next.
-fn string<'t>(file: &Source<'_>, tokens: &mut Tokens<'t>) -> Result<&'t [u8]> {
-    let place = Place::Line(tokens.line);
-    match tokens.next().map_err(|fault| file.error(place.clone(), fault))? {
-        Some(Token::Quoted(text)) => Ok(text),
-        Some(token) => {
-            let found = format!("{} where a name in quotation marks should stand", shown(token));
-            Err(file.broken(place, found, DAMAGED))
-        }
-        None => Err(file.broken(place, "the file ends inside a directive", DAMAGED)),
-    }
-}
-
-/// The numbers that must come next, in brackets or not.
-fn numbers<const N: usize>(file: &Source<'_>, tokens: &mut Tokens<'_>) -> Result<[f64; N]> {
-    let mut numbers = [0.0; N];
-    let line = tokens.line;
-    let fail = |fault| file.error(Place::Line(line), fault);
-    let in_brackets = tokens.peek().map_err(fail)? == Some(Token::Open);
-    if in_brackets {
-        tokens.next().map_err(fail)?;
-    }
-    for number in &mut numbers {
-        let word = match tokens.next().map_err(fail)? {
-            Some(Token::Word(word)) => Some(word),
-            _ => None,
-        };
-        let value = word.and_then(text::double).filter(|value| value.is_finite());
-        *number = value.ok_or_else(|| fail(text::no_number(word, "a number of a transform")))?;
-    }
-    if in_brackets && tokens.next().map_err(fail)? != Some(Token::Close) {
-        return Err(fail(Fault::broken("a bracket is not closed", DAMAGED)));
-    }
-    Ok(numbers)
-}

@@ -17,13 +17,15 @@ pub(super) enum Token<'a> {
 #[derive(Clone, Debug)]
 pub(super) struct Tokens<'a> {
     rest: &'a [u8],
-    /// The line that the next word is looked for from.
+    /// The line of the next word.
     pub(super) line: u64,
 }
 
 impl<'a> Tokens<'a> {
     pub(super) fn new(text: &'a [u8]) -> Self {
-        Self { rest: crate::text::without_bom(text), line: 1 }
+        let mut tokens = Self { rest: crate::text::without_bom(text), line: 1 };
+        tokens.skip_blanks();
+        tokens
     }
 
     /// The next word, without taking it.
@@ -33,7 +35,6 @@ impl<'a> Tokens<'a> {
 
     /// The next word; `None` at the end.
     pub(super) fn next(&mut self) -> Result<Option<Token<'a>>, Fault> {
-        self.skip_blanks();
         let Some(&first) = self.rest.first() else { return Ok(None) };
         Ok(Some(match first {
             b'[' => self.take(1, Token::Open),
@@ -55,6 +56,7 @@ impl<'a> Tokens<'a> {
 
     fn take(&mut self, len: usize, token: Token<'a>) -> Token<'a> {
         self.rest = &self.rest[len..];
+        self.skip_blanks();
         token
     }
 
