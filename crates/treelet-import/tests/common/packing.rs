@@ -56,7 +56,7 @@ pub(crate) fn attributes(elements: &[u8], stride: usize, channels: Option<&[u8]>
     let mut out = vec![if channels.is_some() { 0xa1 } else { 0xa0 }];
     let mut last = elements[..stride].to_vec();
     let first = last.clone();
-    let block = (8192 / stride & !15).min(256);
+    let block = ((8192 / stride) & !15).min(256);
     for block in elements.chunks(block * stride) {
         let mut columns: Vec<Vec<u8>> = vec![Vec::new(); stride];
         for element in block.chunks(stride) {

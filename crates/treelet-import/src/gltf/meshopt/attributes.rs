@@ -40,7 +40,7 @@ pub(super) fn decode(mut bytes: &[u8], stride: usize, out: &mut [u8]) -> Result<
     last[..stride].copy_from_slice(first);
     let mut body = &bytes[..body_len];
 
-    let block_elements = (BLOCK_BYTES / stride & !(GROUP - 1)).min(BLOCK_MAX);
+    let block_elements = ((BLOCK_BYTES / stride) & !(GROUP - 1)).min(BLOCK_MAX);
     for block in out.chunks_mut(block_elements * stride) {
         let control = take(&mut body, if version == 0 { 0 } else { stride / 4 })?;
         for channel in 0..stride / 4 {

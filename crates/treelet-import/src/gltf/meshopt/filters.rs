@@ -46,7 +46,7 @@ pub(super) fn quaternion(out: &mut [u8]) {
         let missing = (words[3] & 3) as usize;
         let mut quaternion = [0; 4];
         for (i, component) in [w, x, y, z].into_iter().enumerate() {
-            quaternion[missing + i & 3] = round(component * 32767.0) as i16;
+            quaternion[(missing + i) & 3] = round(component * 32767.0) as i16;
         }
         set_words(row, quaternion);
     }
