@@ -88,6 +88,8 @@ impl SceneFlags {
                 max_ratio: self.max_ratio.unwrap_or(usual.max_ratio),
             },
             cancel: session.cancel.clone(),
+            scene: None,
+            progress: None,
         }
     }
 
@@ -127,8 +129,11 @@ impl Input {
         let (name, model) = match scene {
             None => ("demo".to_owned(), crate::demo::demo()),
             Some(file) => {
-                let _line = Line::spinner("reading");
-                let model = treelet_import::load(file, &flags.options(session));
+                let line = Line::spinner("reading");
+                let progress = Some(line.reader());
+                let options = treelet_import::Options { progress, ..flags.options(session) };
+                let model = treelet_import::load(file, &options);
+                drop(line);
                 let model = model.map_err(|error| match &error.fault {
                     Fault::Cancelled(_) => Failure::Cancelled,
                     fault => {
@@ -181,7 +186,7 @@ impl Input {
     }
 }
 
-/// The guess for a file, from its extension below any wrapper.
+/// What the file says, or the guess from its extension below any wrapper.
 fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
     match model.up {
         Some(1) => return Up::Y,
@@ -189,6 +194,11 @@ fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
         _ => {}
     }
     let Some(file) = scene else { return Up::Y };
+    match model.up {
+        Some(1) => return Up::Y,
+        Some(2) => return Up::Z,
+        _ => {}
+    }
     let name = file.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let inner = name.trim_end_matches(".gz").trim_end_matches(".zst");
     let format = inner.rsplit('.').next().unwrap_or_default();
