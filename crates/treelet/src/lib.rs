@@ -55,3 +55,4 @@ pub use trace::Counters;
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct Readme;
+pub use query::many::PACK;

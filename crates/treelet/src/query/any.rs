@@ -68,4 +68,9 @@ impl<'a> Answers<'a> for Many<'_> {
         }
         visitor.t_max
     }
+
+    #[inline(always)]
+    fn keep(&mut self, slot: usize, _: Found<'a>) {
+        self.answers[slot] = true;
+    }
 }

@@ -78,6 +78,15 @@ impl<'a> Answers<'a> for Many<'_> {
         }
         visitor.t
     }
+
+    #[inline(always)]
+    fn keep(&mut self, slot: usize, found: Found<'a>) {
+        let hit = Hit::from(found);
+        let kept = &mut self.hits[slot];
+        if hit.t < kept.t || (hit.t == kept.t && hit.id() < kept.id()) {
+            *kept = hit;
+        }
+    }
 }
 
 impl From<Found<'_>> for Hit {

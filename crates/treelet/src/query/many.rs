@@ -26,6 +26,7 @@ use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Kernel, Simd};
+use crate::trace::packet::{GROUP, Group, packets};
 use crate::trace::record::{CLASSES, Class};
 use crate::trace::stream::{Answers, BATCH, Batch, Order, Room, stream};
 use crate::trace::structure::{Layout, Structure};
@@ -45,6 +46,7 @@ struct Work {
     room: Room,
     classes: Vec<u8>,
     slots: Vec<u32>,
+    group: Group,
 }
 
 impl Work {
@@ -58,6 +60,7 @@ impl Work {
         let room = Room::new(len)?;
         Ok(Self {
             room,
+            group: Group::default(),
             classes: try_with_capacity(len, WHAT)?,
             slots: try_with_capacity(len, WHAT)?,
         })
@@ -126,7 +129,13 @@ fn streams<'a, A: Answers<'a>>(
     answers: &mut A,
     work: &mut Work,
 ) {
-    let Work { room, classes, slots } = work;
+    if PACK.load(core::sync::atomic::Ordering::Relaxed) > 0 {
+        for start in (0..rays.len()).step_by(GROUP) {
+            packs(structure, rays, start..rays.len().min(start + GROUP), answers, work);
+        }
+        return;
+    }
+    let Work { room, classes, slots, .. } = work;
     // Count the rays of each class, and put them side by side, in order.
     let mut ends = [0_usize; CLASSES + 1];
     classes.clear();
@@ -167,6 +176,56 @@ fn streams<'a, A: Answers<'a>>(
     }
 }
 
+
+#[allow(missing_docs)]
+#[allow(unreachable_pub)]
+pub static PACK: core::sync::atomic::AtomicI32 = core::sync::atomic::AtomicI32::new(1);
+
+fn packs<'a, A: Answers<'a>>(
+    structure: &'a Structure,
+    rays: &[Ray],
+    range: core::ops::Range<usize>,
+    answers: &mut A,
+    work: &mut Work,
+) {
+    let mut classes = [0_u8; GROUP];
+    let mut ends = [0_u32; CLASSES + 1];
+    for (at, ray) in rays[range.clone()].iter().enumerate() {
+        let class = if ray.is_valid() { Class::of(ray).index() } else { CLASSES };
+        classes[at] = class as u8;
+        ends[class] += 1;
+    }
+    let mut sum = 0;
+    for end in &mut ends {
+        sum += core::mem::replace(end, sum);
+    }
+    let mut slots = [0_u32; GROUP];
+    for at in 0..range.len() {
+        let end = &mut ends[usize::from(classes[at])];
+        slots[*end as usize % GROUP] = (range.start + at) as u32;
+        *end += 1;
+    }
+    let mut start = 0;
+    for &end in &ends[..CLASSES] {
+        let slots = &slots[start as usize..end as usize];
+        start = end;
+        let Some(&slot) = slots.first() else { continue };
+        let class = Class::of(&rays[slot as usize]);
+        let order = Order::Entry;
+        let batch = Batch { class, rays, slots, order };
+        let Work { room, group, .. } = work;
+        let level = structure.level;
+        match structure.layout {
+            Layout::Wide8(_) => {
+                level.run(Walk::<A, 8> { structure, batch, answers, room, group: Some(group) });
+            }
+            Layout::Wide16(_) => {
+                level.run(Walk::<A, 16> { structure, batch, answers, room, group: Some(group) });
+            }
+        }
+    }
+}
+
 fn walk<'a, A: Answers<'a>>(
     structure: &'a Structure,
     batch: Batch<'_>,
@@ -175,8 +234,8 @@ fn walk<'a, A: Answers<'a>>(
 ) {
     let level = structure.level;
     match structure.layout {
-        Layout::Wide8(_) => level.run(Walk::<A, 8> { structure, batch, answers, room }),
-        Layout::Wide16(_) => level.run(Walk::<A, 16> { structure, batch, answers, room }),
+        Layout::Wide8(_) => level.run(Walk::<A, 8> { structure, batch, answers, room, group: None }),
+        Layout::Wide16(_) => level.run(Walk::<A, 16> { structure, batch, answers, room, group: None }),
     }
 }
 
@@ -186,6 +245,7 @@ struct Walk<'a, 'b, A, const W: usize> {
     batch: Batch<'b>,
     answers: &'b mut A,
     room: &'b mut Room,
+    group: Option<&'b mut Group>,
 }
 
 macro_rules! widths {
@@ -195,7 +255,11 @@ macro_rules! widths {
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, batch, answers, room } = self;
+                let Self { structure, batch, answers, room, group } = self;
+                if let Some(group) = group {
+                    packets::<S, A, $width>(simd, structure, batch, answers, group);
+                    return;
+                }
                 stream::<S, A, $width>(simd, structure, batch, answers, room);
             }
         })*

@@ -34,16 +34,15 @@
 //! Source: W. Barringer, T. Akenine-Moller, "Dynamic Ray Stream Traversal", SIGGRAPH 2014; differs:
 //! rays of different classes never share a list, short lists go on as single rays.
 
+use super::leaf::Leaf;
 use super::record::{
-    Class, FAR, NEAR, ORIGIN, RAYS, RECIPROCAL, Record, Rest, SHEAR, T_MAX, T_MIN, prepared,
-    records,
+    Class, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, bundle, prepared, records,
 };
 use super::structure::{Get, Layout, Structure};
 use super::walk::{Found, Visitor, walk_from};
-use crate::bounds::{Aabb, Interval};
+use crate::bounds::Interval;
 use crate::geometry::block::{self, BlockTest};
-use crate::geometry::bundle::Bundle;
-use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Node, Wide as WideTree};
+use crate::layout::wide::{Child, ChildKind, Node, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_reserve};
 use crate::simd::{Floats, Kernel, Simd, Wide};
@@ -62,6 +61,9 @@ pub(crate) trait Answers<'a> {
 
     /// Keeps what the visitor, made for `t_max`, saw; the greatest `t` that still matters to that ray.
     fn settle(&mut self, slot: usize, t_max: f32, visitor: Self::Visitor) -> f32;
+
+    /// Keeps a hit of the ray in `slot` if it comes before what is kept.
+    fn keep(&mut self, slot: usize, found: Found<'a>);
 }
 
 /// Rays of a batch, at most: their records fill half of a usual second-level cache.
@@ -227,13 +229,13 @@ fn one<'a, S, A, const W: usize>(
 
 /// A single ray below a child.
 pub(crate) struct Tail<'a, 'r, 'v, V, const W: usize> {
-    structure: &'a Structure,
-    record: &'r Record,
-    rest: &'r Rest,
-    class: Class,
-    ray: &'r Ray,
-    child: Child,
-    visitor: &'v mut V,
+    pub(super) structure: &'a Structure,
+    pub(super) record: &'r Record,
+    pub(super) rest: &'r Rest,
+    pub(super) class: Class,
+    pub(super) ray: &'r Ray,
+    pub(super) child: Child,
+    pub(super) visitor: &'v mut V,
 }
 
 macro_rules! tails {
@@ -445,33 +447,6 @@ fn leaf<'a, S: Simd, A: Answers<'a>>(
     }
 }
 
-/// The triangles of a leaf, in rows.
-#[derive(Clone, Copy)]
-struct Leaf<'a> {
-    rows: &'a [f32; BLOCK_WORDS],
-    count: usize,
-    /// Around them.
-    bounds: Aabb,
-}
-
-impl Leaf<'_> {
-    #[inline(always)]
-    fn corners(&self, triangle: usize) -> [[f32; 3]; 3] {
-        let word = |row: usize| self.word(row, triangle);
-        [[word(0), word(1), word(2)], [word(3), word(4), word(5)], [word(6), word(7), word(8)]]
-    }
-
-    #[inline(always)]
-    fn id(&self, triangle: usize) -> u32 {
-        self.word(9, triangle).to_bits()
-    }
-
-    #[inline(always)]
-    fn word(&self, row: usize, triangle: usize) -> f32 {
-        self.rows.get(row * self.count + triangle).copied().unwrap_or(0.0)
-    }
-}
-
 /// All triangles against one ray.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
@@ -541,18 +516,7 @@ fn leaf_of_many<'a, S: Simd, A: Answers<'a>>(
     let mut columns = [[0.0; RAYS]; 16];
     simd.transpose(&rows, &mut columns);
     let mut t_max = columns[T_MAX];
-    let c = &columns;
-    let bundle = Bundle {
-        axes: class.axes(),
-        backward: class.backward(),
-        origin: [&c[ORIGIN], &c[ORIGIN + 1], &c[ORIGIN + 2]],
-        shear: [&c[SHEAR], &c[SHEAR + 1]],
-        along: &along,
-        near: [&c[NEAR], &c[NEAR + 1], &c[NEAR + 2]],
-        far: [&c[FAR], &c[FAR + 1], &c[FAR + 2]],
-        reciprocal: [&c[RECIPROCAL], &c[RECIPROCAL + 1], &c[RECIPROCAL + 2]],
-        t_min: &c[T_MIN],
-    };
+    let bundle = bundle(class, &columns, &along);
     // Hits that were found since the list was made may hide the whole leaf.
     let lanes = ((1 << len) - 1) & bundle.meets(simd, &leaf.bounds, &t_max);
     if lanes == 0 {

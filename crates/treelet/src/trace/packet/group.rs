@@ -1,0 +1,268 @@
+//! Rays that are walked together: up to 16 packets of 16, and what bounds them.
+
+use super::super::record::{
+    Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns,
+};
+use super::super::structure::Structure;
+use crate::layout::wide::Node;
+use crate::bounds::Aabb;
+use crate::math::Ray;
+use crate::simd::{Floats, Simd, Wide};
+
+/// Packets of a group, at most.
+pub(crate) const PACKETS: usize = 16;
+
+/// Rays of a group, at most.
+pub(crate) const GROUP: usize = PACKETS * RAYS;
+
+/// No triangle has this id.
+pub(super) const NONE: u32 = u32::MAX;
+
+/// 16 rays, a ray a lane.
+#[derive(Clone, Copy)]
+pub(super) struct Packet {
+    /// The words of their records.
+    pub(super) columns: Columns,
+    /// Directions along the longest axis.
+    pub(super) along: [f32; RAYS],
+    /// Where the rays are in the slice.
+    pub(super) slots: [u32; RAYS],
+    /// Lanes that hold a ray which can hit something.
+    pub(super) alive: u32,
+    /// Of the nearest hits that packets found: weights and ids, [`NONE`] where there is none. Their
+    /// `t` are the greatest that matter.
+    pub(super) u: [f32; RAYS],
+    pub(super) v: [f32; RAYS],
+    pub(super) id: [u32; RAYS],
+}
+
+impl Packet {
+    const EMPTY: Self = Self {
+        columns: [[0.0; RAYS]; 16],
+        along: [0.0; RAYS],
+        slots: [0; RAYS],
+        alive: 0,
+        u: [0.0; RAYS],
+        v: [0.0; RAYS],
+        id: [NONE; RAYS],
+    };
+
+    /// One of them, as single walks want it.
+    #[inline(always)]
+    pub(super) fn ray(&self, lane: usize) -> (Record, Rest) {
+        let mut record = Record([0.0; 16]);
+        for word in 0..16 {
+            record.0[word] = self.columns[word][lane];
+        }
+        (record, Rest { slot: self.slots[lane], along: self.along[lane] })
+    }
+
+    /// The greatest `t` that matters to any of them.
+    #[inline(always)]
+    pub(super) fn t_max(&self) -> f32 {
+        most(&self.columns[T_MAX])
+    }
+}
+
+/// What is known of several rays at once, of one class: where planes are measured from so that they
+/// come as early, or as late, as for any of the rays, by axis, and the range of the reciprocals.
+///
+/// With `n` in `[.., near]` and `r` in `[least, most]`, both of one sign, the monotone steps of the
+/// slab test give `(plane - n) r` no less than the lesser of `(plane - near) least` and
+/// `(plane - near) most`, bit for bit; so for exits. What a ray of the group is admitted to, the
+/// group is.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Spread<T> {
+    near: [T; 3],
+    far: [T; 3],
+    least: [T; 3],
+    most: [T; 3],
+    t_min: T,
+    pub(super) t_max: T,
+}
+
+/// The rays of a group.
+#[derive(Default)]
+pub(crate) struct Group {
+    pub(super) packets: alloc::vec::Vec<Packet>,
+    /// Of each packet, a packet a lane.
+    pub(super) spreads: Spread<[f32; PACKETS]>,
+    /// Of all of them, as they were to begin with.
+    pub(super) all: Spread<f32>,
+    /// Whether no `t` and no sheared corner can be infinite.
+    pub(super) tame: bool,
+}
+
+/// Coordinates and reciprocals up to here are tame: their products are far from infinite.
+const TAME: f32 = (1_u64 << 58) as f32;
+
+impl Group {
+    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class.
+    #[inline(always)]
+    pub(super) fn fill<S: Simd>(
+        &mut self,
+        simd: S,
+        structure: &Structure,
+        class: Class,
+        rays: &[Ray],
+        slots: &[u32],
+    ) {
+        self.packets.clear();
+        for slots in slots.chunks(RAYS).take(PACKETS) {
+            self.packets.push(Packet::EMPTY);
+            let Some(packet) = self.packets.last_mut() else { return };
+            packet.along = columns(simd, structure, class, rays, slots, &mut packet.columns);
+            for lane in 0..RAYS {
+                let slot = slots[lane.min(slots.len() - 1)];
+                packet.slots[lane] = slot;
+                if lane < slots.len() && rays[slot as usize].mask != 0 {
+                    packet.alive |= 1 << lane;
+                } else {
+                    packet.columns[T_MAX][lane] = f32::NEG_INFINITY;
+                }
+            }
+        }
+        self.bound(simd, structure, class);
+    }
+
+    #[inline(always)]
+    fn bound<S: Simd>(&mut self, simd: S, structure: &Structure, class: Class) {
+        let spreads = &mut self.spreads;
+        let packets = &self.packets;
+        for axis in 0..3 {
+            let near = extremes(simd, packets, NEAR + axis);
+            let far = extremes(simd, packets, FAR + axis);
+            let backward = usize::from(class.backward()[axis] & 1);
+            spreads.near[axis] = near[backward ^ 1];
+            spreads.far[axis] = far[backward];
+            [spreads.least[axis], spreads.most[axis]] =
+                extremes(simd, packets, RECIPROCAL + axis);
+        }
+        spreads.t_min = extremes(simd, packets, T_MIN)[0];
+        spreads.t_max = extremes(simd, packets, T_MAX)[1];
+
+        let mut tame = structure.reach.max_abs() <= TAME;
+        let all = &mut self.all;
+        let [.., longest] = class.axes();
+        for axis in 0..3 {
+            let (near, far) = (&spreads.near[axis], &spreads.far[axis]);
+            let backward = class.backward()[axis] == 1;
+            all.near[axis] = if backward { least(near) } else { most(near) };
+            all.far[axis] = if backward { most(far) } else { least(far) };
+            all.least[axis] = least(&spreads.least[axis]);
+            all.most[axis] = most(&spreads.most[axis]);
+            tame &= all.near[axis].abs() <= TAME && all.far[axis].abs() <= TAME;
+            if axis == usize::from(longest) {
+                tame &= all.least[axis].abs() <= TAME && all.most[axis].abs() <= TAME;
+            }
+        }
+        all.t_min = least(&spreads.t_min);
+        all.t_max = most(&spreads.t_max);
+        self.tame = tame;
+    }
+}
+
+impl Spread<f32> {
+    /// Of one packet.
+    #[inline(always)]
+    pub(super) fn of(spreads: &Spread<[f32; PACKETS]>, packet: usize) -> Self {
+        let one = |lanes: &[[f32; PACKETS]; 3]| {
+            [lanes[0][packet], lanes[1][packet], lanes[2][packet]]
+        };
+        Self {
+            near: one(&spreads.near),
+            far: one(&spreads.far),
+            least: one(&spreads.least),
+            most: one(&spreads.most),
+            t_min: spreads.t_min[packet],
+            t_max: spreads.t_max[packet],
+        }
+    }
+
+    /// The children of a node that any of the rays may meet, and where the first may.
+    #[inline(always)]
+    pub(super) fn meets<S: Wide<W>, const W: usize>(
+        &self,
+        simd: S,
+        backward: [usize; 3],
+        node: &Node<W>,
+    ) -> (u32, S::F) {
+        let splat = |x: f32| S::F::splat(simd, x);
+        let (mut entry, mut exit) = (splat(self.t_min), splat(self.t_max));
+        for axis in 0..3 {
+            let first = S::F::load(simd, &node.planes[axis][backward[axis] & 1]);
+            let last = S::F::load(simd, &node.planes[axis][backward[axis] & 1 ^ 1]);
+            let (least, most) = (splat(self.least[axis]), splat(self.most[axis]));
+            let first = first.sub(splat(self.near[axis]));
+            let last = last.sub(splat(self.far[axis]));
+            entry = first.mul(least).min(first.mul(most)).max(entry);
+            exit = last.mul(least).max(last.mul(most)).min(exit);
+        }
+        (entry.le(exit), entry)
+    }
+}
+
+impl Spread<[f32; PACKETS]> {
+    /// The packets of which any ray may meet the box.
+    #[inline(always)]
+    pub(super) fn meets<S: Simd>(&self, simd: S, backward: [usize; 3], bounds: &Aabb) -> u32 {
+        let splat = |x: f32| S::F16::splat(simd, x);
+        let load = |lanes: &[f32; PACKETS]| S::F16::load(simd, lanes);
+        let (mut entry, mut exit) = (load(&self.t_min), load(&self.t_max));
+        for axis in 0..3 {
+            let planes = [bounds.lo[axis], bounds.hi[axis]];
+            let (least, most) = (load(&self.least[axis]), load(&self.most[axis]));
+            let first = splat(planes[backward[axis] & 1]).sub(load(&self.near[axis]));
+            let last = splat(planes[backward[axis] & 1 ^ 1]).sub(load(&self.far[axis]));
+            entry = first.mul(least).min(first.mul(most)).max(entry);
+            exit = last.mul(least).max(last.mul(most)).min(exit);
+        }
+        entry.le(exit)
+    }
+}
+
+/// The least and the greatest of a column, by packet. Lanes beyond the last packet repeat it.
+#[inline(always)]
+fn extremes<S: Simd>(simd: S, packets: &[Packet], column: usize) -> [[f32; PACKETS]; 2] {
+    let last = packets.len() - 1;
+    let mut rows = [&packets[0].columns[column]; PACKETS];
+    for packet in 0..PACKETS {
+        rows[packet] = &packets[packet.min(last)].columns[column];
+    }
+    let mut lanes = [[0.0; PACKETS]; RAYS];
+    simd.transpose(&rows, &mut lanes);
+    let mut low = S::F16::load(simd, &lanes[0]);
+    let mut high = low;
+    for lane in 1..RAYS {
+        let other = S::F16::load(simd, &lanes[lane]);
+        low = other.min(low);
+        high = other.max(high);
+    }
+    [low.lanes(), high.lanes()]
+}
+
+/// The greatest lane: halves upon halves, as vectors do it.
+#[inline(always)]
+fn most(lanes: &[f32; 16]) -> f32 {
+    let mut lanes = *lanes;
+    for half in [8, 4, 2, 1] {
+        for i in 0..half {
+            let (a, b) = (lanes[i], lanes[i + half]);
+            lanes[i] = if a > b { a } else { b };
+        }
+    }
+    lanes[0]
+}
+
+/// The least lane.
+#[inline(always)]
+fn least(lanes: &[f32; 16]) -> f32 {
+    let mut lanes = *lanes;
+    for half in [8, 4, 2, 1] {
+        for i in 0..half {
+            let (a, b) = (lanes[i], lanes[i + half]);
+            lanes[i] = if a < b { a } else { b };
+        }
+    }
+    lanes[0]
+}
