@@ -56,3 +56,4 @@ pub use trace::Counters;
 #[doc = include_str!("../../../README.md")]
 struct Readme;
 pub use query::many::PACK;
+pub use trace::packet::C;

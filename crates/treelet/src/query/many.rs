@@ -21,6 +21,7 @@
 //! there are about 40 rays a class (1,024 random rays) streams are 5 % behind single rays in the
 //! kitchen, and on a terrain of 0.5 M triangles random rays lose 8 % in slices of any length.
 
+use super::coherence::{Bundles, seem_coherent};
 use super::{any, closest};
 use crate::geometry::Hit;
 use crate::math::Ray;
@@ -38,6 +39,9 @@ const PIECE: usize = 16_384;
 /// Rays from one point that are walked together: neighbours in a camera's tile.
 const TILE: usize = 256;
 
+/// Starts of rays that go together are nearer to each other than this part of the scene's diagonal.
+const NEAR: f32 = 0.06;
+
 /// Slices shorter than this are asked ray by ray.
 const MANY: usize = 64;
 
@@ -46,6 +50,7 @@ struct Work {
     room: Room,
     classes: Vec<u8>,
     slots: Vec<u32>,
+    rest: Vec<u32>,
     group: Group,
 }
 
@@ -63,6 +68,7 @@ impl Work {
             group: Group::default(),
             classes: try_with_capacity(len, WHAT)?,
             slots: try_with_capacity(len, WHAT)?,
+            rest: try_with_capacity(len, WHAT)?,
         })
     }
 }
@@ -72,15 +78,20 @@ pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]
     let mut work = Work::new(rays.len());
     let deals_well = structure.level.run(DealsWell);
     for (rays, hits) in rays.chunks(PIECE).zip(hits.chunks_mut(PIECE)) {
-        match &mut work {
-            Some(work) if deals_well || share_origin(rays) => {
-                hits.fill(Hit::MISS);
-                streams(structure, rays, &mut closest::Many { hits }, work);
+        let Some(work) = &mut work else {
+            for (ray, out) in rays.iter().zip(hits) {
+                *out = closest::closest(structure, ray).unwrap_or(Hit::MISS);
             }
-            _ => {
-                for (ray, out) in rays.iter().zip(hits) {
-                    *out = closest::closest(structure, ray).unwrap_or(Hit::MISS);
-                }
+            continue;
+        };
+        hits.fill(Hit::MISS);
+        together(structure, rays, &mut closest::Many { hits }, work);
+        if deals_well || share_origin(rays) {
+            streams(structure, rays, &mut closest::Many { hits }, work);
+        } else {
+            for &slot in &work.rest {
+                let slot = slot as usize;
+                hits[slot] = closest::closest(structure, &rays[slot]).unwrap_or(Hit::MISS);
             }
         }
     }
@@ -90,17 +101,15 @@ pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]
 pub(crate) fn any_many(structure: &Structure, rays: &[Ray], answers: &mut [bool]) {
     let mut work = Work::new(rays.len());
     for (rays, answers) in rays.chunks(PIECE).zip(answers.chunks_mut(PIECE)) {
-        match &mut work {
-            Some(work) => {
-                answers.fill(false);
-                streams(structure, rays, &mut any::Many { answers }, work);
+        let Some(work) = &mut work else {
+            for (ray, out) in rays.iter().zip(answers) {
+                *out = any::any(structure, ray);
             }
-            None => {
-                for (ray, out) in rays.iter().zip(answers) {
-                    *out = any::any(structure, ray);
-                }
-            }
-        }
+            continue;
+        };
+        answers.fill(false);
+        together(structure, rays, &mut any::Many { answers }, work);
+        streams(structure, rays, &mut any::Many { answers }, work);
     }
 }
 
@@ -122,24 +131,61 @@ fn share_origin(rays: &[Ray]) -> bool {
     rays.iter().all(|ray| Some(ray.origin) == first)
 }
 
-/// Sorts the rays into classes and walks each class in batches.
+#[allow(missing_docs)]
+#[allow(unreachable_pub)]
+pub static PACK: core::sync::atomic::AtomicI32 = core::sync::atomic::AtomicI32::new(1);
+
+/// Walks rays that go together as packets; the others are left in `work.rest`.
+fn together<'a, A: Answers<'a>>(
+    structure: &'a Structure,
+    rays: &[Ray],
+    answers: &mut A,
+    work: &mut Work,
+) {
+    let Work { group, rest, .. } = work;
+    rest.clear();
+    let near = NEAR * structure.bounds.diagonal() as f32;
+    let pack = PACK.load(core::sync::atomic::Ordering::Relaxed);
+    for (run, first) in rays.chunks(GROUP).zip((0..).step_by(GROUP)) {
+        if pack == 0 || !seem_coherent(run, near) {
+            rest.extend(first as u32..(first + run.len()) as u32);
+            continue;
+        }
+        let bundles = Bundles::new(run, first);
+        bundles.split(
+            |class, slots| {
+                let batch = Batch { class, rays, slots, order: Order::Entry };
+                let level = structure.level;
+                match structure.layout {
+                    Layout::Wide8(_) => {
+                        level.run(Pack::<A, 8> { structure, batch, answers, group });
+                    }
+                    Layout::Wide16(_) => {
+                        level.run(Pack::<A, 16> { structure, batch, answers, group });
+                    }
+                }
+            },
+            |slots| rest.extend_from_slice(slots),
+        );
+    }
+}
+
+/// Sorts the rest of the rays into classes and walks each class in batches.
 fn streams<'a, A: Answers<'a>>(
     structure: &'a Structure,
     rays: &[Ray],
     answers: &mut A,
     work: &mut Work,
 ) {
-    if PACK.load(core::sync::atomic::Ordering::Relaxed) > 0 {
-        for start in (0..rays.len()).step_by(GROUP) {
-            packs(structure, rays, start..rays.len().min(start + GROUP), answers, work);
-        }
+    let Work { room, classes, slots, rest, .. } = work;
+    if rest.is_empty() {
         return;
     }
-    let Work { room, classes, slots, .. } = work;
     // Count the rays of each class, and put them side by side, in order.
     let mut ends = [0_usize; CLASSES + 1];
     classes.clear();
-    for ray in rays {
+    for &slot in &*rest {
+        let ray = &rays[slot as usize];
         let class = if ray.is_valid() { Class::of(ray).index() } else { CLASSES };
         classes.push(class as u8);
         ends[class] += 1;
@@ -149,10 +195,10 @@ fn streams<'a, A: Answers<'a>>(
         sum += core::mem::replace(end, sum);
     }
     slots.clear();
-    slots.resize(rays.len(), 0);
-    for (slot, &class) in classes.iter().enumerate() {
+    slots.resize(rest.len(), 0);
+    for (&slot, &class) in rest.iter().zip(&*classes) {
         let end = &mut ends[usize::from(class)];
-        slots[*end] = slot as u32;
+        slots[*end] = slot;
         *end += 1;
     }
 
@@ -176,56 +222,6 @@ fn streams<'a, A: Answers<'a>>(
     }
 }
 
-
-#[allow(missing_docs)]
-#[allow(unreachable_pub)]
-pub static PACK: core::sync::atomic::AtomicI32 = core::sync::atomic::AtomicI32::new(1);
-
-fn packs<'a, A: Answers<'a>>(
-    structure: &'a Structure,
-    rays: &[Ray],
-    range: core::ops::Range<usize>,
-    answers: &mut A,
-    work: &mut Work,
-) {
-    let mut classes = [0_u8; GROUP];
-    let mut ends = [0_u32; CLASSES + 1];
-    for (at, ray) in rays[range.clone()].iter().enumerate() {
-        let class = if ray.is_valid() { Class::of(ray).index() } else { CLASSES };
-        classes[at] = class as u8;
-        ends[class] += 1;
-    }
-    let mut sum = 0;
-    for end in &mut ends {
-        sum += core::mem::replace(end, sum);
-    }
-    let mut slots = [0_u32; GROUP];
-    for at in 0..range.len() {
-        let end = &mut ends[usize::from(classes[at])];
-        slots[*end as usize % GROUP] = (range.start + at) as u32;
-        *end += 1;
-    }
-    let mut start = 0;
-    for &end in &ends[..CLASSES] {
-        let slots = &slots[start as usize..end as usize];
-        start = end;
-        let Some(&slot) = slots.first() else { continue };
-        let class = Class::of(&rays[slot as usize]);
-        let order = Order::Entry;
-        let batch = Batch { class, rays, slots, order };
-        let Work { room, group, .. } = work;
-        let level = structure.level;
-        match structure.layout {
-            Layout::Wide8(_) => {
-                level.run(Walk::<A, 8> { structure, batch, answers, room, group: Some(group) });
-            }
-            Layout::Wide16(_) => {
-                level.run(Walk::<A, 16> { structure, batch, answers, room, group: Some(group) });
-            }
-        }
-    }
-}
-
 fn walk<'a, A: Answers<'a>>(
     structure: &'a Structure,
     batch: Batch<'_>,
@@ -234,8 +230,8 @@ fn walk<'a, A: Answers<'a>>(
 ) {
     let level = structure.level;
     match structure.layout {
-        Layout::Wide8(_) => level.run(Walk::<A, 8> { structure, batch, answers, room, group: None }),
-        Layout::Wide16(_) => level.run(Walk::<A, 16> { structure, batch, answers, room, group: None }),
+        Layout::Wide8(_) => level.run(Walk::<A, 8> { structure, batch, answers, room }),
+        Layout::Wide16(_) => level.run(Walk::<A, 16> { structure, batch, answers, room }),
     }
 }
 
@@ -245,7 +241,14 @@ struct Walk<'a, 'b, A, const W: usize> {
     batch: Batch<'b>,
     answers: &'b mut A,
     room: &'b mut Room,
-    group: Option<&'b mut Group>,
+}
+
+/// A walk of packets through nodes of `W` children.
+struct Pack<'a, 'b, A, const W: usize> {
+    structure: &'a Structure,
+    batch: Batch<'b>,
+    answers: &'b mut A,
+    group: &'b mut Group,
 }
 
 macro_rules! widths {
@@ -255,12 +258,18 @@ macro_rules! widths {
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, batch, answers, room, group } = self;
-                if let Some(group) = group {
-                    packets::<S, A, $width>(simd, structure, batch, answers, group);
-                    return;
-                }
+                let Self { structure, batch, answers, room } = self;
                 stream::<S, A, $width>(simd, structure, batch, answers, room);
+            }
+        }
+
+        impl<'a, A: Answers<'a>> Kernel for Pack<'a, '_, A, $width> {
+            type Output = ();
+
+            #[inline(always)]
+            fn run<S: Simd>(self, simd: S) {
+                let Self { structure, batch, answers, group } = self;
+                packets::<S, A, $width>(simd, structure, batch, answers, group);
             }
         })*
     };

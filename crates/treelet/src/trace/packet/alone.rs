@@ -6,6 +6,7 @@ use super::super::record::{Class, RAYS, RECIPROCAL, T_MAX, bundle};
 use super::super::stream::{Answers, Tail};
 use super::super::structure::{Get, Layout, Structure};
 use super::group::{Group, NONE, Spread};
+use super::prefetch;
 use super::leaf::AtLeaf;
 use crate::layout::wide::{Child, ChildKind};
 use crate::math::Ray;
@@ -82,7 +83,7 @@ impl<'a, A: Answers<'a>, const W: usize> Alone<'a, '_, A, W> {
                     if lanes.count_ones() > FEW && len + W <= WAITING =>
                 {
                     let Some(node) = wide.nodes.get(at) else { return };
-                    let (mut met, entries) = spread.meets(simd, backward, node);
+                    super::add(9,1); let (mut met, entries) = spread.meets(simd, backward, node);
                     if met == 0 {
                         continue;
                     }
@@ -100,6 +101,7 @@ impl<'a, A: Answers<'a>, const W: usize> Alone<'a, '_, A, W> {
                         if lanes == 0 {
                             continue;
                         }
+                        prefetch(simd, wide, child);
                         let entry = entries[slot];
                         let waiting =
                             Waiting { child, node: at as u32, slot: slot as u16, lanes, entry };
@@ -140,7 +142,7 @@ impl<'a, A: Answers<'a>, const W: usize> Alone<'a, '_, A, W> {
                     while rest != 0 {
                         let lane = rest.trailing_zeros() as usize % RAYS;
                         rest &= rest - 1;
-                        single::<S, A, W>(
+                        super::add(10,1); single::<S, A, W>(
                             simd, structure, class, rays, answers, group, number, lane, child,
                         );
                     }

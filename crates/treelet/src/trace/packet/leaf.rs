@@ -35,7 +35,7 @@ impl<'a, A: Answers<'a>> Kernel for AtLeaf<'a, '_, A> {
         let bundle = bundle(class, columns, along);
         // Hits that were found since may hide the whole leaf.
         let mut lanes = lanes & bundle.meets(simd, &leaf.bounds, &t_max);
-        let mut changed = false;
+        super::add(11,1); if lanes!=0 {super::add(12,1);} let mut changed = false;
         for triangle in 0..leaf.count {
             if lanes == 0 {
                 break;
@@ -54,7 +54,7 @@ impl<'a, A: Answers<'a>> Kernel for AtLeaf<'a, '_, A> {
                 mask
             };
             if A::NEAREST_FIRST {
-                let Some(met) = bundle.hit(simd, &corners, lanes, &t_max) else { continue };
+                let Some(met) = bundle.hit(simd, &corners, lanes, &t_max) else { continue }; 
                 let mask = seen(met.mask);
                 changed |= mask != 0;
                 for lane in 0..RAYS {

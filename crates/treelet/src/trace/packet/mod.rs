@@ -10,14 +10,23 @@ use super::leaf::Leaf;
 use super::stream::{Answers, Batch, Tail};
 use super::structure::{Get, Layout, Structure};
 use super::walk::Found;
-use crate::layout::wide::{Child, ChildKind};
+use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Wide as WideTree};
 use crate::simd::{Floats, Kernel, Simd, Wide};
 use alone::Alone;
 use group::{NONE, PACKETS};
 use leaf::AtLeaf;
 
+pub static C: [core::sync::atomic::AtomicU64; 16] = [const { core::sync::atomic::AtomicU64::new(0) }; 16];
+#[inline(always)]
+#[allow(unsafe_code)]
+pub(crate) fn tick() -> u64 { unsafe { core::arch::x86_64::_rdtsc() } }
+#[inline(always)]
+pub(crate) fn add(i: usize, n: u64) { let c=&C[i]; let o=core::sync::atomic::Ordering::Relaxed; c.store(c.load(o)+n, o); }
 /// So few packets go on one by one.
 const FEW: u32 = 4;
+
+/// Nodes that a group visits, at most, with more packets than that.
+const NODES: usize = 48;
 
 /// Children that wait, at most.
 const WAITING: usize = 128;
@@ -48,7 +57,8 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
 {
     let Some(wide) = structure.layout.get() else { return };
     let Batch { class, rays, slots, .. } = batch;
-    group.fill(simd, structure, class, rays, slots);
+    let t0=tick(); group.fill(simd, structure, class, rays, slots);
+    add(0,tick()-t0); add(1,1); let t1=tick();
     let backward = class.backward();
     let backward = [usize::from(backward[0]), usize::from(backward[1]), usize::from(backward[2])];
     let count = group.packets.len();
@@ -62,6 +72,7 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
     };
     let mut stack = [start; WAITING];
     let mut len = 1;
+    let mut nodes = 0;
     while len > 0 {
         len -= 1;
         let Waiting { child, node, slot, packets, entry } = stack[len % WAITING];
@@ -71,9 +82,10 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
             continue;
         }
         match child.kind() {
-            ChildKind::Inner { node: at } if packets.count_ones() > FEW && len + W <= WAITING => {
+            ChildKind::Inner { node: at } if packets.count_ones() > FEW && len + W <= WAITING && nodes < NODES => {
+                nodes += 1;
                 let Some(node) = wide.nodes.get(at) else { return };
-                let (mut met, entries) = group.all.meets(simd, backward, node);
+                add(2,1); let (mut met, entries) = group.all.meets(simd, backward, node);
                 let entries = entries.lanes();
                 let base = len;
                 while met != 0 {
@@ -85,12 +97,7 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
                     if packets == 0 {
                         continue;
                     }
-                    if let Some(node) = wide.nodes.get(child.0 as usize) {
-                        simd.prefetch(&node.planes[0][0]);
-                        simd.prefetch(&node.planes[1][0]);
-                        simd.prefetch(&node.planes[2][0]);
-                        simd.prefetch(&node.children);
-                    }
+                    prefetch(simd, wide, child);
                     let entry = entries[slot];
                     let waiting =
                         Waiting { child, node: at as u32, slot: slot as u16, packets, entry };
@@ -117,7 +124,7 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
                     let leaf = Leaf { rows: wide.block(first), count, bounds };
                     let lanes = group.packets[packet].alive;
                     let (answers, group) = (&mut *answers, &mut *group);
-                    simd.call(AtLeaf {
+                    let t3=tick(); simd.call(AtLeaf {
                         structure,
                         class,
                         rays,
@@ -126,7 +133,7 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
                         leaf,
                         packet,
                         lanes,
-                    });
+                    }); add(5,1); add(6,tick()-t3);
                 }
             }
             _ if child == Child::END => {}
@@ -136,7 +143,7 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
                     let packet = rest.trailing_zeros() as usize % PACKETS;
                     rest &= rest - 1;
                     let (answers, group) = (&mut *answers, &mut *group);
-                    simd.call(Alone::<'a, '_, A, W> {
+                    let t3=tick(); simd.call(Alone::<'a, '_, A, W> {
                         structure,
                         class,
                         rays,
@@ -144,14 +151,14 @@ pub(crate) fn packets<'a, S, A, const W: usize>(
                         group,
                         packet,
                         child,
-                    });
+                    }); add(7,1); add(8,tick()-t3);
                 }
             }
         }
     }
-    if A::NEAREST_FIRST {
+    add(3,tick()-t1); let t2=tick(); if A::NEAREST_FIRST {
         finish(structure, answers, group);
-    }
+    } add(4,tick()-t2);
 }
 
 /// Writes the hits that packets found.
@@ -165,6 +172,29 @@ fn finish<'a, A: Answers<'a>>(structure: &'a Structure, answers: &mut A, group: 
                 let (u, v) = (packet.u[lane], packet.v[lane]);
                 let found = Found { t, u, v, id, inst: 0, structure };
                 answers.keep(packet.slots[lane] as usize, found);
+            }
+        }
+    }
+}
+
+/// Asks for what a child will be read for.
+#[inline(always)]
+fn prefetch<S: Simd, const W: usize>(simd: S, wide: &WideTree<W>, child: Child) {
+    match child.kind() {
+        ChildKind::Inner { node } => {
+            if let Some(node) = wide.nodes.get(node) {
+                for axis in 0..3 {
+                    simd.prefetch(&node.planes[axis][0]);
+                    simd.prefetch(&node.planes[axis][1]);
+                }
+                simd.prefetch(&node.children);
+            }
+        }
+        ChildKind::Leaf { first, count } => {
+            if first < wide.triangles {
+                let words = wide.block(first);
+                simd.prefetch(&words[0]);
+                simd.prefetch(&words[(10 * count - 1).min(BLOCK_WORDS - 1)]);
             }
         }
     }
