@@ -55,5 +55,3 @@ pub use trace::Counters;
 #[cfg(doctest)]
 #[doc = include_str!("../../../README.md")]
 struct Readme;
-pub use query::many::PACK;
-pub use trace::packet::C;

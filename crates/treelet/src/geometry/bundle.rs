@@ -124,7 +124,7 @@ impl Bundle<'_> {
         }
 
         // `t` is clamped to where each ray is in the triangle's own box.
-        let (entry, exit) = self.inside(simd, &Aabb::of_points(corners));
+        let (entry, exit) = self.inside(simd, &around(corners));
         let (t_min, t_max) = (S::F16::load(simd, self.t_min), S::F16::load(simd, t_max));
         let mask = mask & entry.max(t_min).le(exit.min(t_max));
         if mask == 0 {
@@ -169,7 +169,8 @@ impl Bundle<'_> {
     /// A corner, moved to each ray's origin and sheared.
     #[inline(always)]
     fn sheared<S: Simd>(&self, simd: S, corner: &[f32; 3]) -> [S::F16; 3] {
-        let [x, y, z] = self.axes.map(|axis| usize::from(axis.min(2)));
+        let [x, y, z] = self.axes;
+        let [x, y, z] = [usize::from(x.min(2)), usize::from(y.min(2)), usize::from(z.min(2))];
         let splat = |axis: usize| S::F16::splat(simd, corner[axis]);
         let load = |lanes: &Lanes| S::F16::load(simd, lanes);
         let depth = splat(z).sub(load(self.origin[2]));
@@ -239,6 +240,20 @@ impl Bundle<'_> {
         }
         (entry, exit)
     }
+}
+
+/// [`Aabb::of_points`] without a closure that might end up outside of the kernel.
+#[inline(always)]
+fn around([a, b, c]: &[[f32; 3]; 3]) -> Aabb {
+    let mut bounds = Aabb { lo: *a, hi: *a };
+    for axis in 0..3 {
+        for corner in [b[axis], c[axis]] {
+            let (lo, hi) = (bounds.lo[axis], bounds.hi[axis]);
+            bounds.lo[axis] = if corner < lo { corner } else { lo };
+            bounds.hi[axis] = if corner > hi { corner } else { hi };
+        }
+    }
+    bounds
 }
 
 /// Vectors as they are stored.

@@ -21,13 +21,12 @@
 //! there are about 40 rays a class (1,024 random rays) streams are 5 % behind single rays in the
 //! kitchen, and on a terrain of 0.5 M triangles random rays lose 8 % in slices of any length.
 
-use super::coherence::{Bundles, seem_coherent};
 use super::{any, closest};
 use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Kernel, Simd};
-use crate::trace::packet::{GROUP, Group, packets};
+use crate::trace::packet::{self, GROUP, Group};
 use crate::trace::record::{CLASSES, Class};
 use crate::trace::stream::{Answers, BATCH, Batch, Order, Room, stream};
 use crate::trace::structure::{Layout, Structure};
@@ -38,9 +37,6 @@ const PIECE: usize = 16_384;
 
 /// Rays from one point that are walked together: neighbours in a camera's tile.
 const TILE: usize = 256;
-
-/// Starts of rays that go together are nearer to each other than this part of the scene's diagonal.
-const NEAR: f32 = 0.06;
 
 /// Slices shorter than this are asked ray by ray.
 const MANY: usize = 64;
@@ -84,7 +80,6 @@ pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]
             }
             continue;
         };
-        hits.fill(Hit::MISS);
         together(structure, rays, &mut closest::Many { hits }, work);
         if deals_well || share_origin(rays) {
             streams(structure, rays, &mut closest::Many { hits }, work);
@@ -107,7 +102,6 @@ pub(crate) fn any_many(structure: &Structure, rays: &[Ray], answers: &mut [bool]
             }
             continue;
         };
-        answers.fill(false);
         together(structure, rays, &mut any::Many { answers }, work);
         streams(structure, rays, &mut any::Many { answers }, work);
     }
@@ -131,10 +125,6 @@ fn share_origin(rays: &[Ray]) -> bool {
     rays.iter().all(|ray| Some(ray.origin) == first)
 }
 
-#[allow(missing_docs)]
-#[allow(unreachable_pub)]
-pub static PACK: core::sync::atomic::AtomicI32 = core::sync::atomic::AtomicI32::new(1);
-
 /// Walks rays that go together as packets; the others are left in `work.rest`.
 fn together<'a, A: Answers<'a>>(
     structure: &'a Structure,
@@ -144,29 +134,10 @@ fn together<'a, A: Answers<'a>>(
 ) {
     let Work { group, rest, .. } = work;
     rest.clear();
-    let near = NEAR * structure.bounds.diagonal() as f32;
-    let pack = PACK.load(core::sync::atomic::Ordering::Relaxed);
-    for (run, first) in rays.chunks(GROUP).zip((0..).step_by(GROUP)) {
-        if pack == 0 || !seem_coherent(run, near) {
-            rest.extend(first as u32..(first + run.len()) as u32);
-            continue;
-        }
-        let bundles = Bundles::new(run, first);
-        bundles.split(
-            |class, slots| {
-                let batch = Batch { class, rays, slots, order: Order::Entry };
-                let level = structure.level;
-                match structure.layout {
-                    Layout::Wide8(_) => {
-                        level.run(Pack::<A, 8> { structure, batch, answers, group });
-                    }
-                    Layout::Wide16(_) => {
-                        level.run(Pack::<A, 16> { structure, batch, answers, group });
-                    }
-                }
-            },
-            |slots| rest.extend_from_slice(slots),
-        );
+    let level = structure.level;
+    match structure.layout {
+        Layout::Wide8(_) => level.run(Packs::<A, 8> { structure, rays, answers, group, rest }),
+        Layout::Wide16(_) => level.run(Packs::<A, 16> { structure, rays, answers, group, rest }),
     }
 }
 
@@ -243,12 +214,13 @@ struct Walk<'a, 'b, A, const W: usize> {
     room: &'b mut Room,
 }
 
-/// A walk of packets through nodes of `W` children.
-struct Pack<'a, 'b, A, const W: usize> {
+/// Walks of packets through nodes of `W` children.
+struct Packs<'a, 'b, A, const W: usize> {
     structure: &'a Structure,
-    batch: Batch<'b>,
+    rays: &'b [Ray],
     answers: &'b mut A,
     group: &'b mut Group,
+    rest: &'b mut Vec<u32>,
 }
 
 macro_rules! widths {
@@ -263,13 +235,17 @@ macro_rules! widths {
             }
         }
 
-        impl<'a, A: Answers<'a>> Kernel for Pack<'a, '_, A, $width> {
+        impl<'a, A: Answers<'a>> Kernel for Packs<'a, '_, A, $width> {
             type Output = ();
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, batch, answers, group } = self;
-                packets::<S, A, $width>(simd, structure, batch, answers, group);
+                let Self { structure, rays, answers, group, rest } = self;
+                for first in (0..rays.len()).step_by(GROUP) {
+                    packet::run::<S, A, $width>(
+                        simd, structure, rays, first, answers, group, rest,
+                    );
+                }
             }
         })*
     };

@@ -3,7 +3,6 @@
 pub(crate) mod all;
 pub(crate) mod any;
 pub(crate) mod closest;
-mod coherence;
 pub(crate) mod count;
 pub(crate) mod many;
 

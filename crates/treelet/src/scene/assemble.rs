@@ -115,6 +115,7 @@ fn finish(
         leaf_instances,
         cover: cover(tree),
         reach,
+        diagonal: tree.bounds().diagonal() as f32,
         reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
         slack,
         paths,

@@ -4,13 +4,14 @@ use super::super::record::{
     Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns,
 };
 use super::super::structure::Structure;
-use crate::layout::wide::Node;
 use crate::bounds::Aabb;
+use crate::layout::wide::{Child, Node, Wide as WideTree};
 use crate::math::Ray;
-use crate::simd::{Floats, Simd, Wide};
+use crate::simd::{Floats, Four, Simd, Wide};
+use alloc::vec::Vec;
 
 /// Packets of a group, at most.
-pub(crate) const PACKETS: usize = 16;
+pub(super) const PACKETS: usize = 16;
 
 /// Rays of a group, at most.
 pub(crate) const GROUP: usize = PACKETS * RAYS;
@@ -29,6 +30,8 @@ pub(super) struct Packet {
     pub(super) slots: [u32; RAYS],
     /// Lanes that hold a ray which can hit something.
     pub(super) alive: u32,
+    /// Lanes that hold a ray at all.
+    pub(super) len: usize,
     /// Of the nearest hits that packets found: weights and ids, [`NONE`] where there is none. Their
     /// `t` are the greatest that matter.
     pub(super) u: [f32; RAYS],
@@ -42,6 +45,7 @@ impl Packet {
         along: [0.0; RAYS],
         slots: [0; RAYS],
         alive: 0,
+        len: 0,
         u: [0.0; RAYS],
         v: [0.0; RAYS],
         id: [NONE; RAYS],
@@ -59,8 +63,8 @@ impl Packet {
 
     /// The greatest `t` that matters to any of them.
     #[inline(always)]
-    pub(super) fn t_max(&self) -> f32 {
-        most(&self.columns[T_MAX])
+    pub(super) fn t_max<S: Simd>(&self, simd: S) -> f32 {
+        most(simd, &self.columns[T_MAX])
     }
 }
 
@@ -81,20 +85,82 @@ pub(super) struct Spread<T> {
     pub(super) t_max: T,
 }
 
+/// Children that wait, at most: what finds no room goes on in smaller parts.
+pub(super) const WAITING: usize = 128;
+
+/// A child to be visited later.
+#[derive(Clone, Copy)]
+pub(super) struct Waiting {
+    pub(super) child: Child,
+    /// Where its box is.
+    pub(super) node: u32,
+    pub(super) slot: u16,
+    /// The packets, or the rays of one, that are to visit it.
+    pub(super) some: u16,
+    /// Where the first of them may enter it.
+    pub(super) entry: f32,
+}
+
+impl Waiting {
+    /// Where a walk begins.
+    #[inline(always)]
+    pub(super) fn new(child: Child, some: u16) -> Self {
+        Self { child, node: u32::MAX, slot: 0, some, entry: f32::NEG_INFINITY }
+    }
+
+    /// The child's box; `None` where a walk begins.
+    #[inline(always)]
+    pub(super) fn bounds<const W: usize>(&self, wide: &WideTree<W>) -> Option<Aabb> {
+        wide.nodes.get(self.node as usize).map(|node| node.bounds(usize::from(self.slot)))
+    }
+
+    /// Stacks a child of the node whose children begin at `base`: the nearer above, if asked for.
+    #[inline(always)]
+    pub(super) fn push(
+        stack: &mut [Self; WAITING],
+        base: usize,
+        len: &mut usize,
+        child: Self,
+        nearer_above: bool,
+    ) {
+        let mut place = *len;
+        while nearer_above && place > base && stack[(place - 1) % WAITING].entry < child.entry {
+            stack[place % WAITING] = stack[(place - 1) % WAITING];
+            place -= 1;
+        }
+        stack[place % WAITING] = child;
+        *len += 1;
+    }
+}
+
 /// The rays of a group.
-#[derive(Default)]
 pub(crate) struct Group {
-    pub(super) packets: alloc::vec::Vec<Packet>,
+    pub(super) packets: Vec<Packet>,
     /// Of each packet, a packet a lane.
     pub(super) spreads: Spread<[f32; PACKETS]>,
     /// Of all of them, as they were to begin with.
     pub(super) all: Spread<f32>,
+    /// Of groups, and of packets.
+    pub(super) stacks: [[Waiting; WAITING]; 2],
     /// Whether no `t` and no sheared corner can be infinite.
     pub(super) tame: bool,
 }
 
 /// Coordinates and reciprocals up to here are tame: their products are far from infinite.
 const TAME: f32 = (1_u64 << 58) as f32;
+
+impl Default for Group {
+    fn default() -> Self {
+        let nothing = Waiting { child: Child::END, node: 0, slot: 0, some: 0, entry: 0.0 };
+        Self {
+            packets: Vec::new(),
+            spreads: Spread::default(),
+            all: Spread::default(),
+            stacks: [[nothing; WAITING]; 2],
+            tame: false,
+        }
+    }
+}
 
 impl Group {
     /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class.
@@ -111,6 +177,7 @@ impl Group {
         for slots in slots.chunks(RAYS).take(PACKETS) {
             self.packets.push(Packet::EMPTY);
             let Some(packet) = self.packets.last_mut() else { return };
+            packet.len = slots.len();
             packet.along = columns(simd, structure, class, rays, slots, &mut packet.columns);
             for lane in 0..RAYS {
                 let slot = slots[lane.min(slots.len() - 1)];
@@ -135,8 +202,7 @@ impl Group {
             let backward = usize::from(class.backward()[axis] & 1);
             spreads.near[axis] = near[backward ^ 1];
             spreads.far[axis] = far[backward];
-            [spreads.least[axis], spreads.most[axis]] =
-                extremes(simd, packets, RECIPROCAL + axis);
+            [spreads.least[axis], spreads.most[axis]] = extremes(simd, packets, RECIPROCAL + axis);
         }
         spreads.t_min = extremes(simd, packets, T_MIN)[0];
         spreads.t_max = extremes(simd, packets, T_MAX)[1];
@@ -147,17 +213,17 @@ impl Group {
         for axis in 0..3 {
             let (near, far) = (&spreads.near[axis], &spreads.far[axis]);
             let backward = class.backward()[axis] == 1;
-            all.near[axis] = if backward { least(near) } else { most(near) };
-            all.far[axis] = if backward { most(far) } else { least(far) };
-            all.least[axis] = least(&spreads.least[axis]);
-            all.most[axis] = most(&spreads.most[axis]);
+            all.near[axis] = if backward { least(simd, near) } else { most(simd, near) };
+            all.far[axis] = if backward { most(simd, far) } else { least(simd, far) };
+            all.least[axis] = least(simd, &spreads.least[axis]);
+            all.most[axis] = most(simd, &spreads.most[axis]);
             tame &= all.near[axis].abs() <= TAME && all.far[axis].abs() <= TAME;
             if axis == usize::from(longest) {
                 tame &= all.least[axis].abs() <= TAME && all.most[axis].abs() <= TAME;
             }
         }
-        all.t_min = least(&spreads.t_min);
-        all.t_max = most(&spreads.t_max);
+        all.t_min = least(simd, &spreads.t_min);
+        all.t_max = most(simd, &spreads.t_max);
         self.tame = tame;
     }
 }
@@ -166,9 +232,8 @@ impl Spread<f32> {
     /// Of one packet.
     #[inline(always)]
     pub(super) fn of(spreads: &Spread<[f32; PACKETS]>, packet: usize) -> Self {
-        let one = |lanes: &[[f32; PACKETS]; 3]| {
-            [lanes[0][packet], lanes[1][packet], lanes[2][packet]]
-        };
+        let one =
+            |lanes: &[[f32; PACKETS]; 3]| [lanes[0][packet], lanes[1][packet], lanes[2][packet]];
         Self {
             near: one(&spreads.near),
             far: one(&spreads.far),
@@ -241,28 +306,29 @@ fn extremes<S: Simd>(simd: S, packets: &[Packet], column: usize) -> [[f32; PACKE
     [low.lanes(), high.lanes()]
 }
 
-/// The greatest lane: halves upon halves, as vectors do it.
+/// The greatest lane.
 #[inline(always)]
-fn most(lanes: &[f32; 16]) -> f32 {
-    let mut lanes = *lanes;
-    for half in [8, 4, 2, 1] {
-        for i in 0..half {
-            let (a, b) = (lanes[i], lanes[i + half]);
-            lanes[i] = if a > b { a } else { b };
-        }
-    }
-    lanes[0]
+fn most<S: Simd>(simd: S, lanes: &[f32; 16]) -> f32 {
+    let eight = |first: usize| {
+        S::F8::load(simd, lanes[first..].first_chunk().unwrap_or(&[f32::NEG_INFINITY; 8]))
+    };
+    let eight = eight(0).max(eight(8)).lanes();
+    let four = |first: usize| {
+        S::F4::load(simd, eight[first..].first_chunk().unwrap_or(&[f32::NEG_INFINITY; 4]))
+    };
+    four(0).max(four(4)).max_lane().lanes()[0]
 }
 
 /// The least lane.
 #[inline(always)]
-fn least(lanes: &[f32; 16]) -> f32 {
-    let mut lanes = *lanes;
-    for half in [8, 4, 2, 1] {
-        for i in 0..half {
-            let (a, b) = (lanes[i], lanes[i + half]);
-            lanes[i] = if a < b { a } else { b };
-        }
+fn least<S: Simd>(simd: S, lanes: &[f32; 16]) -> f32 {
+    let eight = |first: usize| {
+        S::F8::load(simd, lanes[first..].first_chunk().unwrap_or(&[f32::INFINITY; 8]))
+    };
+    let eight = eight(0).min(eight(8)).lanes();
+    let mut least = eight[0];
+    for lane in 1..8 {
+        least = if eight[lane] < least { eight[lane] } else { least };
     }
-    lanes[0]
+    least
 }
