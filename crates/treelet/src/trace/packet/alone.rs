@@ -10,7 +10,7 @@ use super::Walk;
 use super::beam::prefetch;
 use super::group::{Group, NONE, Spread, WAITING, Waiting};
 use super::leaf::AtLeaf;
-use crate::layout::wide::{Child, ChildKind, Node, Wide as WideTree};
+use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::simd::{Floats, Kernel, Simd, Wide};
 
 /// So few rays go on one by one.
@@ -64,8 +64,7 @@ impl<'a, A: Answers<'a>, const W: usize> Alone<'a, '_, '_, A, W> {
             let together = lanes.count_ones() > FEW && len + W <= WAITING;
             match child.kind() {
                 ChildKind::Inner { node: at } if together => {
-                    let Some(node) = wide.nodes.get(at) else { return };
-                    len = self.visit(simd, wide, &spread, node, at, lanes, len);
+                    len = self.visit(simd, wide, &spread, at, lanes, len);
                 }
                 ChildKind::Leaf { first, count } if first < wide.triangles => {
                     let bounds = waiting.bounds(wide).unwrap_or(structure.bounds);
@@ -96,11 +95,11 @@ impl<'a, A: Answers<'a>, const W: usize> Alone<'a, '_, '_, A, W> {
         simd: S,
         wide: &WideTree<W>,
         spread: &Spread<f32>,
-        node: &Node<W>,
         at: usize,
         lanes: u32,
         mut len: usize,
     ) -> usize {
+        let Some(node) = wide.nodes.get(at) else { return len };
         let class = self.walk.class;
         let backward = class.backward();
         let backward =
