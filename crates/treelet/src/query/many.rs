@@ -1,15 +1,17 @@
-//! Closest and any for slices of rays, as streams of one class each: the signs of the direction, and
-//! the axis along which it is longest. Nothing need be told about the rays; what is looked at:
+//! Closest and any for slices of rays. Nothing need be told about the rays; what is looked at:
 //!
 //! | seen                                              | then                                        |
 //! |---------------------------------------------------|---------------------------------------------|
 //! | fewer than `MANY` rays, or no memory              | single rays                                 |
-//! | closest, lists not dealt by instructions, origins | single rays, in the slice's order           |
-//! | differ                                            |                                             |
+//! | 256 rays in a row, of which 16 go together        | packets ([`crate::trace::packet`])          |
+//! | of the rest: closest, lists not dealt by          | single rays, in the slice's order           |
+//! | instructions, origins differ                      |                                             |
 //! | one origin for a batch                            | streams of `TILE` rays, children by entry   |
 //! | else                                              | streams of `BATCH` rays, children by corner |
 //!
-//! Measured, million rays a second, kitchen (1.4 M triangles), 262,144 rays, one thread, AVX-512, 16
+//! Streams are of one class each: the signs of the direction, and the axis along which it is longest.
+//!
+//! Measured before there were packets, million rays a second, kitchen (1.4 M triangles), 262,144 rays, one thread, AVX-512, 16
 //! wide, single rays then slices: primary 9.1, 16.3; occlusion 10.9, 15.5; diffuse 4.7, 5.9; shadow
 //! 14.6, 25.7; random 5.7, 7.0. With AVX2, 8 wide: primary 5.8, 7.8; occlusion 8.6, 10.0; shadow 12.3,
 //! 15.4. There streams of incoherent closest rays were from 5 % ahead of single rays to 17 % behind
@@ -50,6 +52,7 @@ struct Work {
     room: Room,
     classes: Vec<u8>,
     slots: Vec<u32>,
+    /// Rays that go together with none.
     rest: Vec<u32>,
     group: Group,
 }
@@ -65,7 +68,7 @@ impl Work {
         let room = Room::new(len)?;
         Ok(Self {
             room,
-            group: Group::default(),
+            group: Group::new()?,
             classes: try_with_capacity(len, WHAT)?,
             slots: try_with_capacity(len, WHAT)?,
             rest: try_with_capacity(len, WHAT)?,

@@ -1,4 +1,4 @@
-//! Rays of a stream: what a walk needs of each in one cache line, made for 16 of them at once.
+//! Rays of a stream or a packet: what a walk needs of each in one cache line, made for 16 of them at once.
 //!
 //! The same steps as [`SlabRay::new`], [`TriangleRay::new`] and `Slack::at`, a ray a lane, and the
 //! same bits. Rays of a class share the signs of their directions and their longest axis, so that no

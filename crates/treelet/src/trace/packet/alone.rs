@@ -71,8 +71,7 @@ impl<'a, K: Packing<W>, A: Answers<'a>, const W: usize> Alone<'a, '_, '_, K, A, 
             let together = lanes.count_ones() > FEW && len + W <= WAITING;
             match child.kind() {
                 ChildKind::Inner { node: at } if together => {
-                    let Some(node) = wide.nodes.get(at) else { return };
-                    len = self.visit(simd, wide, &spread, node, at, lanes, len);
+                    len = self.visit(simd, wide, &spread, at, lanes, len);
                 }
                 ChildKind::Leaf { first, count } if first < wide.triangles => {
                     let bounds = waiting.bounds(wide).unwrap_or(structure.bounds);
@@ -103,11 +102,11 @@ impl<'a, K: Packing<W>, A: Answers<'a>, const W: usize> Alone<'a, '_, '_, K, A, 
         simd: S,
         wide: &WideTree<W, K>,
         spread: &Spread<f32>,
-        node: &K::Node,
         at: usize,
         lanes: u32,
         mut len: usize,
     ) -> usize {
+        let Some(node) = wide.nodes.get(at) else { return len };
         let class = self.walk.class;
         let backward = class.backward();
         let backward =

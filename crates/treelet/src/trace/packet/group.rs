@@ -8,6 +8,7 @@ use crate::bounds::Aabb;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, Wide as WideTree};
 use crate::math::Ray;
+use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Floats, Four, Simd, Wide};
 use alloc::vec::Vec;
 
@@ -153,20 +154,19 @@ pub(crate) struct Group {
 /// Coordinates and reciprocals up to here are tame: their products are far from infinite.
 const TAME: f32 = (1_u64 << 58) as f32;
 
-impl Default for Group {
-    fn default() -> Self {
-        let nothing = Waiting { child: Child::END, node: 0, slot: 0, some: 0, entry: 0.0 };
-        Self {
-            packets: Vec::new(),
+impl Group {
+    /// Room for a group.
+    pub(crate) fn new() -> Result<Self, OutOfMemory> {
+        let nothing = Waiting::new(Child::END, 0);
+        Ok(Self {
+            packets: try_with_capacity(PACKETS, "packets of rays")?,
             spreads: Spread::default(),
             all: Spread::default(),
             stacks: [[nothing; WAITING]; 2],
             tame: false,
-        }
+        })
     }
-}
 
-impl Group {
     /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class.
     #[inline(always)]
     pub(super) fn fill<S: Simd>(
