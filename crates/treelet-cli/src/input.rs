@@ -188,6 +188,11 @@ impl Input {
 
 /// What the file says, or the guess from its extension below any wrapper.
 fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
+    match model.up {
+        Some(1) => return Up::Y,
+        Some(2) => return Up::Z,
+        _ => {}
+    }
     let Some(file) = scene else { return Up::Y };
     match model.up {
         Some(1) => return Up::Y,

@@ -18,7 +18,7 @@ pub struct Material {
     pub roughness: f32,
     /// Green: roughness, blue: metallic.
     pub metallic_roughness_texture: Option<Texture>,
-    /// Tangent-space normals, `0 ..= 1` for `-1 ..= 1`, green along +v's bitangent as in glTF.
+    /// Tangent-space normals, `0 ..= 1` for `-1 ..= 1`, green up in the picture, against +v, as in glTF.
     pub normal_texture: Option<Texture>,
     /// Multiplied with the normal texture's first two components.
     pub normal_scale: f32,

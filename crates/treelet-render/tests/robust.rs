@@ -133,7 +133,8 @@ fn nonsense_is_named() {
     let mut bad = good.clone();
     bad.objects[0].parts[0].normals = Some([[0.0, 0.0, 1.0]; 7].into());
     let error = refuse(&bad, &camera, Settings::default());
-    let expected = RenderError::NormalCount { object: 0, part: 0, normals: 7, vertices: 8 };
+    let expected =
+        RenderError::AttributeCount { object: 0, part: 0, what: "normals", count: 7, vertices: 8 };
     assert_eq!(error, expected);
     let mut bad = good.clone();
     bad.placements[0].object = 9;

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 use treelet::bounds::Aabb;
+use treelet::scene::LayoutChoice;
 use treelet::tree::SahConstants;
 use treelet::{BuildOptions, Invalid};
 use treelet_model::PlacedModel;
@@ -53,6 +54,7 @@ struct Report {
     seconds_to_read: f64,
     sah_constants: Constants,
     builders: Vec<TreeReport>,
+    layouts: Vec<LayoutReport>,
     warnings: Vec<String>,
 }
 
@@ -82,7 +84,16 @@ struct TreeReport {
     bytes_per_triangle: f64,
 }
 
-/// Reads, counts, builds with every builder.
+/// What a layout makes of the default build's tree.
+#[derive(Serialize)]
+struct LayoutReport {
+    layout: &'static str,
+    /// From meshes to a scene that answers.
+    seconds: f64,
+    bytes_per_triangle: f64,
+}
+
+/// Reads, counts, builds with every builder and in every layout.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
     let duplicate = {
@@ -100,6 +111,19 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         let placed = input.build(&options, session)?;
         builders.push(tree_report(&placed, builder.info().name, start.elapsed()));
         facts = Facts::of(&placed);
+    }
+
+    let mut layouts = Vec::new();
+    for &layout in LayoutChoice::ALL {
+        let options =
+            BuildOptions { layout: Some(layout), invalid: Invalid::Skip, ..Default::default() };
+        let start = Instant::now();
+        let placed = input.build(&options, session)?;
+        layouts.push(LayoutReport {
+            layout: layout.info().name,
+            seconds: start.elapsed().as_secs_f64(),
+            bytes_per_triangle: bytes_per_triangle(&placed),
+        });
     }
 
     let constants = SahConstants::default();
@@ -123,6 +147,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         seconds_to_read: input.time.as_secs_f64(),
         sah_constants: Constants { visit: constants.visit, triangle: constants.prim },
         builders,
+        layouts,
         warnings: model.warnings.clone(),
         scene: input.name,
     };
@@ -200,8 +225,14 @@ fn tree_report(placed: &PlacedModel, builder: &'static str, time: Duration) -> T
     let share = |sum: f64, count: u64| if count == 0 { 0.0 } else { sum / count as f64 };
     tree.sah = share(tree.sah, triangles);
     tree.leaf_mean = share(triangles as f64, leaves);
-    tree.bytes_per_triangle = share(placed.scene.trace_bytes() as f64, triangles);
+    tree.bytes_per_triangle = bytes_per_triangle(placed);
     tree
+}
+
+/// Of all levels, by the triangles stored.
+fn bytes_per_triangle(placed: &PlacedModel) -> f64 {
+    let triangles: u64 = placed.reports().map(|report| report.triangles).sum();
+    if triangles == 0 { 0.0 } else { placed.scene.trace_bytes() as f64 / triangles as f64 }
 }
 
 /// Prints the screen.
@@ -249,6 +280,15 @@ fn tell(report: &Report) {
             tree.sah,
             instances,
             tree.bytes_per_triangle,
+        ));
+    }
+    say("\n  layout              time  B/tri");
+    for layout in &report.layouts {
+        say(&format!(
+            "  {:16} {:>7}  {:>5.1}",
+            layout.layout,
+            text::time(Duration::from_secs_f64(layout.seconds)),
+            layout.bytes_per_triangle,
         ));
     }
 }

@@ -319,7 +319,7 @@ mod tests {
         let rays = verify::rays(&right, 500, 3);
         let brute = BruteForce::new(&right);
         let candidates = [("right", right.clone()), ("wrong", wrong.clone())];
-        let session = Session { cancel: treelet::Cancel::new(), threads: 1, threads_asked: false };
+        let session = Session { cancel: treelet::Cancel::new(), threads: 1, threads_asked: vec![] };
         let mut tally = Tally::default();
         let line = Line::spinner("");
         let found =

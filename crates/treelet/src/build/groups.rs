@@ -30,6 +30,8 @@ const GROUPS_MIN: usize = 8192;
 const GROUPS_MAX: usize = 256;
 /// The top is no deeper than this.
 const TOP_DEPTH_MAX: u32 = 32;
+/// How many primitives descend side by side.
+const ABREAST: usize = 8;
 /// Primitives are named and moved this many at a time.
 const CHUNK: usize = 16_384;
 
@@ -79,17 +81,35 @@ impl Top {
         (left != node).then_some(left)
     }
 
-    /// The group of a primitive. No branch depends on where it goes.
-    #[inline(always)]
-    fn group(&self, bounds: &Aabb) -> u8 {
-        let center2 = |axis: usize| bounds.lo[axis] + bounds.hi[axis];
-        let center2 = [center2(0), center2(1), center2(2), 0.0];
-        let mut at = 0;
-        for _ in 0..self.depth {
-            let node = &self.nodes[at as usize];
-            at = node.left + u32::from(center2[node.axis as usize % 4] >= node.edge);
+    /// The groups of some primitives, and how many are in each. No branch depends on where one goes.
+    ///
+    /// Several descend side by side: each step waits for the one before, but not for the others' (one
+    /// after the other took three times as long).
+    fn name(&self, bounds: &[Aabb]) -> (Vec<u8>, [u32; GROUPS_MAX]) {
+        let mut groups = Vec::with_capacity(bounds.len());
+        let mut counts = [0_u32; GROUPS_MAX];
+        for bounds in bounds.chunks(ABREAST) {
+            let mut centers2 = [[0.0; 4]; ABREAST];
+            for (center2, bounds) in centers2.iter_mut().zip(bounds) {
+                for axis in 0..3 {
+                    center2[axis] = bounds.lo[axis] + bounds.hi[axis];
+                }
+            }
+            let mut at = [0_u32; ABREAST];
+            for _ in 0..self.depth {
+                for lane in 0..ABREAST {
+                    let node = &self.nodes[at[lane] as usize];
+                    let right = centers2[lane][node.axis as usize % 4] >= node.edge;
+                    at[lane] = node.left + u32::from(right);
+                }
+            }
+            for &at in &at[..bounds.len()] {
+                let group = self.nodes[at as usize].group as u8;
+                counts[usize::from(group)] += 1;
+                groups.push(group);
+            }
         }
-        self.nodes[at as usize].group as u8
+        (groups, counts)
     }
 }
 
@@ -108,14 +128,7 @@ pub(super) fn gather(
     // Name everybody's group.
     let named = parallel::map_chunks(bounds, CHUNK, |_, bounds| {
         context.cancel.check()?;
-        let mut counts = [0_u32; GROUPS_MAX];
-        let mut groups = Vec::with_capacity(bounds.len());
-        groups.extend(bounds.iter().map(|bounds| {
-            let group = top.group(bounds);
-            counts[usize::from(group)] += 1;
-            group
-        }));
-        Ok((groups, counts))
+        Ok(top.name(bounds))
     });
     let named = named.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
     for (at, group) in top.groups.iter_mut().enumerate() {

@@ -82,6 +82,15 @@ pub enum BuildError {
         /// How many.
         prims: u64,
     },
+    /// More leaves than a compact layout's words can address.
+    #[error(
+        "{bytes} bytes of leaves; compact layouts hold at most 2 GiB a tree: choose a wide layout, \
+         or split the scene into instances"
+    )]
+    TooManyBytes {
+        /// How many.
+        bytes: u64,
+    },
     /// The caller's `Context` was cancelled.
     #[error(transparent)]
     Cancelled(#[from] Cancelled),

@@ -66,11 +66,8 @@ fn hit<S: Simd, const N: usize>(
     const { assert!(N >= LANES * 9 + LANES + LANES) }
     let count = (count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
-    let row = |corner: usize, start: usize| {
-        let start = 3 * corner * count + start;
-        let lanes = rows.get(start..start + LANES).and_then(<[f32]>::first_chunk);
-        S::F4::load(simd, lanes.unwrap_or(&[0.0; LANES]))
-    };
+    let row =
+        |corner: usize, start: usize| S::F4::load(simd, row(rows, 3 * corner * count + start));
 
     // Move to the origin and shear.
     let [x, y, z] = ray.axes;
@@ -111,25 +108,45 @@ fn hit<S: Simd, const N: usize>(
     let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
     let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
     let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
-    let mixed = u.min(v).min(w).lt(zero) & zero.lt(u.max(v).max(w));
-    let det = u.add(v).add(w);
-    let infinite = S::D4::splat(simd, f64::INFINITY);
-    let sized = (zero.lt(det) & det.lt(infinite))
-        | (det.lt(zero) & S::D4::splat(simd, f64::NEG_INFINITY).lt(det));
-    mask &= !mixed & sized;
+    mask &= !(u.min(v).min(w).lt(zero) & zero.lt(u.max(v).max(w)));
     if mask == 0 {
         return BlockHits::NONE;
     }
+    let det = u.add(v).add(w);
     let share = S::D4::splat(simd, 1.0).div(det);
     let (v, w) = (v.mul(share), w.mul(share));
     let depth = a[2].add(v.mul(b[2].sub(a[2])).add(w.mul(c[2].sub(a[2]))));
-    let t = depth.mul(S::D4::splat(simd, ray.reciprocal_z)).narrow();
+    let mut t = depth.mul(S::D4::splat(simd, ray.reciprocal_z)).narrow();
 
-    // The culling lemma: `t` lies where the triangle's own box is.
+    // The culling lemma: `t` lies where the triangle's own box is, and where the instances' are.
+    let outside = !(splat(clip.entry).le(t) & t.le(splat(clip.exit)));
+    if !ray.ordinary || outside & mask != 0 {
+        // A determinant of zero makes `t` no number, and comparisons below say no.
+        let infinite = S::D4::splat(simd, f64::INFINITY);
+        let (met, inside) = clamped(simd, rows, count, slab, clip, t);
+        mask &= met & det.lt(infinite) & S::D4::splat(simd, f64::NEG_INFINITY).lt(det);
+        t = inside;
+    }
+    mask &= splat(range.entry).le(t) & t.le(splat(range.exit));
+    BlockHits { mask, t: t.lanes(), u: v.narrow().lanes(), v: w.narrow().lanes() }
+}
+
+/// `t` of each lane, clamped into the interval of the triangle's own box and of `clip`, and where
+/// that is possible.
+#[inline(always)]
+fn clamped<S: Simd, const N: usize>(
+    simd: S,
+    rows: &[f32; N],
+    count: usize,
+    slab: &SlabRay,
+    clip: &Interval,
+    t: S::F4,
+) -> (u32, S::F4) {
+    let splat = |x: f32| S::F4::splat(simd, x);
+    let row = |k: usize| S::F4::load(simd, row(rows, k * count));
     let (mut entry, mut exit) = (splat(f32::NEG_INFINITY), splat(f32::INFINITY));
     for axis in 0..3 {
-        let start = axis * count;
-        let (a, b, c) = (row(0, start), row(1, start), row(2, start));
+        let (a, b, c) = (row(axis), row(3 + axis), row(6 + axis));
         let (lo, hi) = (c.min(b.min(a)), c.max(b.max(a)));
         let reciprocal = splat(slab.reciprocal(axis));
         let lower = lo.sub(splat(slab.side(0, axis))).mul(reciprocal);
@@ -141,8 +158,11 @@ fn hit<S: Simd, const N: usize>(
     let entry = splat(clip.entry).max(entry);
     let exit = splat(clip.exit).min(exit);
     let finite = t.lt(splat(f32::INFINITY)) & splat(f32::NEG_INFINITY).lt(t);
-    let t = exit.min(entry.max(t));
-    let wanted = splat(range.entry).le(t) & t.le(splat(range.exit));
-    let mask = mask & entry.le(exit) & finite & wanted;
-    BlockHits { mask, t: t.lanes(), u: v.narrow().lanes(), v: w.narrow().lanes() }
+    (entry.le(exit) & finite, exit.min(entry.max(t)))
+}
+
+/// The lanes from a word on; nothing beyond the block.
+#[inline(always)]
+fn row<const N: usize>(rows: &[f32; N], start: usize) -> &[f32; LANES] {
+    rows.get(start..start + LANES).and_then(<[f32]>::first_chunk).unwrap_or(&[0.0; LANES])
 }

@@ -61,6 +61,40 @@ pub struct TriangleRay {
     pub(super) shear: [f32; 2],
     /// `1 / direction[z]`.
     pub(super) reciprocal_z: f64,
+    /// Whether nothing about ray and level comes near overflow or underflow: see [`Ordinary`].
+    pub(super) ordinary: bool,
+}
+
+/// The sizes for which clamping `t` is known to change nothing, so that it need not be done.
+///
+/// Let level and ray be such that the level's reach has an extent of at least `EXTENT_MIN`, no
+/// coordinate of it or of the origin is beyond `COORDINATE_MAX`, and the direction's longest component is in
+/// `LENGTH_MIN ..= LENGTH_MAX`. Then `R >= 2^-61`, no product below overflows, and what underflow
+/// takes (`2^-150` each time) is far below `u R`, also when seen in lengths of the direction. So the
+/// terms of the module's head hold as they stand: the point at `t` is within `7.1 u R` of a point of
+/// the triangle on every axis, and the slab test, whose sides are `16 u R` out and whose own
+/// roundings take `3.1 u R` of that, admits it. (A reciprocal that was clamped belongs to a component of
+/// less than `2^-128`: over `t <= R / LENGTH_MIN` it moves the ray by less than `u R`.)
+/// `tests/matrix.rs` and `tests/lemma.rs` compare with brute force, which always clamps.
+pub(crate) struct Ordinary;
+
+impl Ordinary {
+    pub(crate) const EXTENT_MIN: f32 = power_of_two(-60);
+    pub(crate) const COORDINATE_MAX: f32 = power_of_two(90);
+    pub(crate) const LENGTH_MIN: f32 = power_of_two(-30);
+    pub(crate) const LENGTH_MAX: f32 = power_of_two(30);
+
+    /// Whether a level with this reach allows it.
+    pub(crate) fn level(reach: &Aabb) -> bool {
+        let extent = reach.extent();
+        let extent = extent[0].max(extent[1]).max(extent[2]);
+        extent >= Self::EXTENT_MIN && reach.max_abs() <= Self::COORDINATE_MAX
+    }
+}
+
+/// An exact power.
+const fn power_of_two(exponent: i32) -> f32 {
+    f32::from_bits(((127 + exponent) as u32) << 23)
 }
 
 /// Where the ray meets the triangle's plane, as weights of the corners.
@@ -124,13 +158,20 @@ impl TriangleRay {
             origin: [origin[x], origin[y], origin[z]],
             shear: [direction[x] * reciprocal, direction[y] * reciprocal],
             reciprocal_z: 1.0 / f64::from(direction[z]),
+            ordinary: false,
         }
+    }
+
+    /// The same ray; says whether it is [`Ordinary`].
+    #[inline(always)]
+    pub(crate) fn ordinary(self, ordinary: bool) -> Self {
+        Self { ordinary, ..self }
     }
 
     /// The ray whose axes, origin and shear on them, and direction along the last one are these.
     #[inline(always)]
     pub(crate) fn of_parts(axes: [u8; 3], origin: [f32; 3], shear: [f32; 2], along: f32) -> Self {
-        Self { axes, origin, shear, reciprocal_z: 1.0 / f64::from(along) }
+        Self { axes, origin, shear, reciprocal_z: 1.0 / f64::from(along), ordinary: false }
     }
 
     /// The hit with the triangle under the closed edge rule, if its `t` is in `t_min ..= t_max`.

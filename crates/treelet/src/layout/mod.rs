@@ -1,7 +1,10 @@
 //! Layouts: the packed forms of a tree that a walk reads.
 
 pub(crate) mod collapse;
+pub mod compact;
+mod greedy;
 pub(crate) mod lower;
+pub(crate) mod packing;
 mod select;
 pub mod wide;
 mod write;
@@ -9,4 +12,15 @@ mod write;
 use crate::build::Info;
 
 /// Every layout, in the order of the documentation.
-pub static ALL: &[Info] = &[wide::INFO_8, wide::INFO_16];
+pub static ALL: &[Info] = &[wide::INFO_8, wide::INFO_16, compact::INFO];
+
+/// Which nodes of the binary tree become nodes of a wide layout. Answers do not depend on it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Collapse {
+    /// The cheapest choice there is.
+    #[default]
+    Optimal,
+    /// The largest first: a fifth to a third less build time than `Optimal` with quick builders; 0 to 17 %
+    /// fewer rays a second (a kitchen, a car, a house).
+    Greedy,
+}

@@ -21,9 +21,13 @@
 //! Source: H. Dammertz, J. Hanika, A. Keller, "Shallow Bounding Volume Hierarchies for Fast SIMD Ray
 //! Tracing of Incoherent Rays", EGSR 2008; leaves differ.
 
-use crate::bounds::Aabb;
+use super::packing::{Block, Packing};
+use crate::bounds::{Aabb, Interval, SlabRay};
 use crate::build::Info;
+use crate::geometry::TriangleRay;
+use crate::geometry::block::{BlockHits, BlockTest};
 use crate::memory::{Pages, zeroed};
+use crate::simd::{Floats, Simd, Wide as Vectors};
 use crate::tree::PRIMS_MAX;
 
 /// The catalogue's entry for 8 children.
@@ -75,14 +79,6 @@ impl<const W: usize> Node<W> {
         planes: [[[f32::INFINITY; W], [f32::NEG_INFINITY; W]]; 3],
         children: [Child::END; W],
     };
-
-    /// The box of a child.
-    #[inline(always)]
-    pub(crate) fn bounds(&self, slot: usize) -> Aabb {
-        let [x, y, z] = &self.planes;
-        let slot = slot % W;
-        Aabb { lo: [x[0][slot], y[0][slot], z[0][slot]], hi: [x[1][slot], y[1][slot], z[1][slot]] }
-    }
 
     /// Puts a child into a slot.
     pub(crate) fn set(&mut self, slot: usize, bounds: &Aabb, child: Child) {
@@ -158,27 +154,85 @@ impl Child {
 zeroed! { Child []: u32 }
 zeroed! { Node<W> [const W: usize]: [[[f32; W]; 2]; 3], [Child; W] }
 
+/// Nodes as above, and leaves as blocks of words.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Plain;
+
+impl<const W: usize> Packing<W> for Plain {
+    type Node = Node<W>;
+    type Unit = f32;
+    type Leaf = Block;
+
+    #[inline(always)]
+    fn children(node: &Node<W>) -> &[Child; W] {
+        &node.children
+    }
+
+    #[inline(always)]
+    fn slots(_: &Node<W>) -> u32 {
+        u32::MAX
+    }
+
+    #[inline(always)]
+    fn planes<S: Vectors<W>>(simd: S, node: &Node<W>, axis: usize, side: usize) -> S::F {
+        S::F::load(simd, &node.planes[axis][side & 1])
+    }
+
+    #[inline(always)]
+    fn bounds(node: &Node<W>, slot: usize) -> Aabb {
+        let [x, y, z] = &node.planes;
+        let slot = slot % W;
+        Aabb { lo: [x[0][slot], y[0][slot], z[0][slot]], hi: [x[1][slot], y[1][slot], z[1][slot]] }
+    }
+
+    #[inline(always)]
+    fn leaf(words: &[f32], first: usize) -> &Block {
+        const EMPTY: &Block = &[0.0; BLOCK_WORDS];
+        words.get(first * TRIANGLE_WORDS..).and_then(<[f32]>::first_chunk).unwrap_or(EMPTY)
+    }
+
+    #[inline(always)]
+    fn hits<S: Simd>(
+        simd: S,
+        leaf: &Block,
+        count: usize,
+        ray: (&TriangleRay, &SlabRay),
+        clip: &Interval,
+        range: (f32, f32),
+    ) -> BlockHits {
+        simd.apply::<BlockTest<'_, _>>((leaf, count), ray, clip, range)
+    }
+
+    #[inline(always)]
+    fn id(leaf: &Block, count: usize, triangle: usize) -> u32 {
+        leaf[9 * count + triangle].to_bits()
+    }
+
+    #[inline(always)]
+    fn block<'b, S: Simd>(
+        _: S,
+        leaf: &'b Block,
+        count: usize,
+        _: &'b mut Block,
+    ) -> (&'b Block, usize) {
+        (leaf, count)
+    }
+}
+
 /// A tree of wide nodes, and the triangles of its leaves.
 #[derive(Debug)]
-pub(crate) struct Wide<const W: usize> {
+pub(crate) struct Wide<const W: usize, K: Packing<W> = Plain> {
     /// Parents before children, each followed by its largest child's subtree.
-    pub(crate) nodes: Pages<Node<W>>,
+    pub(crate) nodes: Pages<K::Node>,
     /// Where a walk begins; [`Child::END`] for the tree of nothing.
     pub(crate) root: Child,
-    /// The blocks of the leaves, and padding for the last one.
-    pub(crate) words: Pages<f32>,
+    /// The leaves, and padding for the last one.
+    pub(crate) words: Pages<K::Unit>,
     /// Entries from here on are instances.
     pub(crate) triangles: usize,
 }
 
-impl<const W: usize> Wide<W> {
-    /// The words from a leaf's first row on.
-    #[inline(always)]
-    pub(crate) fn block(&self, first: usize) -> &[f32; BLOCK_WORDS] {
-        const EMPTY: &[f32; BLOCK_WORDS] = &[0.0; BLOCK_WORDS];
-        self.words.get(first * TRIANGLE_WORDS..).and_then(<[f32]>::first_chunk).unwrap_or(EMPTY)
-    }
-
+impl<const W: usize, K: Packing<W>> Wide<W, K> {
     /// Bytes that walks read.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.words)

@@ -47,6 +47,10 @@ macro_rules! zeroed {
 pub(crate) use zeroed;
 
 // SAFETY: zero is a number of each of them.
+unsafe impl Zeroed for u8 {}
+// SAFETY: as above.
+unsafe impl Zeroed for u16 {}
+// SAFETY: as above.
 unsafe impl Zeroed for u32 {}
 // SAFETY: as above.
 unsafe impl Zeroed for f32 {}
@@ -73,6 +77,13 @@ enum Source {
 unsafe impl<T: Send> Send for Pages<T> {}
 // SAFETY: as above.
 unsafe impl<T: Sync> Sync for Pages<T> {}
+
+impl<T> Default for Pages<T> {
+    /// Nothing.
+    fn default() -> Self {
+        Self { start: NonNull::dangling(), len: 0, source: Source::Nobody }
+    }
+}
 
 impl<T: Zeroed> Pages<T> {
     /// `len` zeroes.

@@ -1,6 +1,6 @@
 //! Every hit along the ray, each primitive once, in the order of answers.
 
-use super::ask_simply;
+use super::{Question, ask_simply};
 use crate::geometry::Hit;
 use crate::layout::wide::Child;
 use crate::math::Ray;
@@ -27,10 +27,21 @@ impl<'a> Visitor<'a> for All<'_> {
     }
 }
 
+impl<'a, 'h> Question<'a> for All<'h> {
+    type Seed = &'h mut Vec<Hit>;
+    type Answer = ();
+
+    fn begin(ray: &Ray, hits: &'h mut Vec<Hit>) -> Self {
+        Self { t_max: ray.t_max, hits }
+    }
+
+    fn answer(self) {}
+}
+
 /// Appends the hits of the ray to `hits`, ordered by `(t, inst, geom, prim)`.
 pub(crate) fn all(structure: &Structure, ray: &Ray, hits: &mut Vec<Hit>) {
     let start = hits.len();
-    ask_simply(structure, ray, &mut All { t_max: ray.t_max, hits }, &mut ());
+    ask_simply::<All<'_>, _>(structure, ray, hits, &mut ());
     hits[start..].sort_unstable_by(Hit::cmp_along_ray);
     drop_repeated(hits, start);
 }

@@ -1,6 +1,6 @@
 //! Whether there is a hit at all.
 
-use super::{ask, ask_simply};
+use super::{Question, ask, ask_simply};
 use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::Counters;
@@ -29,19 +29,30 @@ impl<'a> Visitor<'a> for Any {
     }
 }
 
+impl<'a> Question<'a> for Any {
+    type Seed = ();
+    type Answer = bool;
+
+    #[inline(always)]
+    fn begin(ray: &Ray, (): ()) -> Self {
+        Self { t_max: ray.t_max, found: false }
+    }
+
+    #[inline(always)]
+    fn answer(self) -> bool {
+        self.found
+    }
+}
+
 /// The answer.
 #[inline]
 pub(crate) fn any(structure: &Structure, ray: &Ray) -> bool {
-    let mut visitor = Any { t_max: ray.t_max, found: false };
-    ask(structure, ray, &mut visitor);
-    visitor.found
+    ask::<Any>(structure, ray, ())
 }
 
 /// The answer, and the work it took.
 pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> bool {
-    let mut visitor = Any { t_max: ray.t_max, found: false };
-    ask_simply(structure, ray, &mut visitor, counters);
-    visitor.found
+    ask_simply::<Any, _>(structure, ray, (), counters)
 }
 
 /// The answers to a slice of rays, so far; no to begin with.

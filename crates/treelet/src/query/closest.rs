@@ -1,6 +1,6 @@
 //! The nearest hit; of hits at the very same `t` the one with the smallest id.
 
-use super::{ask, ask_simply};
+use super::{Question, ask, ask_simply};
 use crate::geometry::Hit;
 use crate::math::Ray;
 use crate::trace::Counters;
@@ -36,19 +36,30 @@ impl<'a> Visitor<'a> for Closest<'a> {
     }
 }
 
+impl<'a> Question<'a> for Closest<'a> {
+    type Seed = ();
+    type Answer = Option<Hit>;
+
+    #[inline(always)]
+    fn begin(ray: &Ray, (): ()) -> Self {
+        Self { t: ray.t_max, best: None }
+    }
+
+    #[inline(always)]
+    fn answer(self) -> Option<Hit> {
+        self.best.map(Hit::from)
+    }
+}
+
 /// The answer.
 #[inline]
 pub(crate) fn closest(structure: &Structure, ray: &Ray) -> Option<Hit> {
-    let mut visitor = Closest { t: ray.t_max, best: None };
-    ask(structure, ray, &mut visitor);
-    visitor.best.map(Hit::from)
+    ask::<Closest<'_>>(structure, ray, ())
 }
 
 /// The answer, and the work it took.
 pub(crate) fn counted(structure: &Structure, ray: &Ray, counters: &mut Counters) -> Option<Hit> {
-    let mut visitor = Closest { t: ray.t_max, best: None };
-    ask_simply(structure, ray, &mut visitor, counters);
-    visitor.best.map(Hit::from)
+    ask_simply::<Closest<'_>, _>(structure, ray, (), counters)
 }
 
 /// The answers to a slice of rays, so far; misses to begin with.

@@ -1,6 +1,6 @@
 //! How many hits there are along the ray.
 
-use super::ask_simply;
+use super::{Question, ask_simply};
 use crate::layout::wide::Child;
 use crate::math::Ray;
 use crate::trace::structure::Structure;
@@ -27,6 +27,19 @@ impl<'a> Visitor<'a> for Counting {
     }
 }
 
+impl<'a> Question<'a> for Counting {
+    type Seed = ();
+    type Answer = u64;
+
+    fn begin(ray: &Ray, (): ()) -> Self {
+        Self { t_max: ray.t_max, hits: 0 }
+    }
+
+    fn answer(self) -> u64 {
+        self.hits
+    }
+}
+
 /// The number of hits that [`super::all::all`] would list.
 pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
     // Where a primitive may lie in several leaves, only a list tells which were counted before.
@@ -35,7 +48,5 @@ pub(crate) fn count(structure: &Structure, ray: &Ray) -> u64 {
         super::all::all(structure, ray, &mut hits);
         return hits.len() as u64;
     }
-    let mut visitor = Counting { t_max: ray.t_max, hits: 0 };
-    ask_simply(structure, ray, &mut visitor, &mut ());
-    visitor.hits
+    ask_simply::<Counting, _>(structure, ray, (), &mut ())
 }

@@ -23,13 +23,17 @@
 
 use super::{any, closest};
 use crate::geometry::Hit;
+use crate::layout::compact::Compact;
+use crate::layout::packing::Packing;
+use crate::layout::wide::Plain;
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Kernel, Simd};
 use crate::trace::record::{CLASSES, Class};
 use crate::trace::stream::{Answers, BATCH, Batch, Order, Room, stream};
-use crate::trace::structure::{Layout, Structure};
+use crate::trace::structure::{Get, Layout, Structure};
 use alloc::vec::Vec;
+use core::marker::PhantomData;
 
 /// Rays that are sorted into classes at once.
 const PIECE: usize = 16_384;
@@ -175,28 +179,46 @@ fn walk<'a, A: Answers<'a>>(
 ) {
     let level = structure.level;
     match structure.layout {
-        Layout::Wide8(_) => level.run(Walk::<A, 8> { structure, batch, answers, room }),
-        Layout::Wide16(_) => level.run(Walk::<A, 16> { structure, batch, answers, room }),
+        Layout::Wide8(_) => level.run(Walk::<Plain, A, 8>::new(structure, batch, answers, room)),
+        Layout::Wide16(_) => level.run(Walk::<Plain, A, 16>::new(structure, batch, answers, room)),
+        Layout::Compact(_) => {
+            level.run(Walk::<Compact, A, 16>::new(structure, batch, answers, room));
+        }
     }
 }
 
 /// A walk of many rays through nodes of `W` children.
-struct Walk<'a, 'b, A, const W: usize> {
+struct Walk<'a, 'b, K, A, const W: usize> {
+    packing: PhantomData<K>,
     structure: &'a Structure,
     batch: Batch<'b>,
     answers: &'b mut A,
     room: &'b mut Room,
 }
 
+impl<'a, 'b, K, A, const W: usize> Walk<'a, 'b, K, A, W> {
+    fn new(
+        structure: &'a Structure,
+        batch: Batch<'b>,
+        answers: &'b mut A,
+        room: &'b mut Room,
+    ) -> Self {
+        Self { packing: PhantomData, structure, batch, answers, room }
+    }
+}
+
 macro_rules! widths {
     ($($width:literal)*) => {
-        $(impl<'a, A: Answers<'a>> Kernel for Walk<'a, '_, A, $width> {
+        $(impl<'a, K: Packing<$width>, A: Answers<'a>> Kernel for Walk<'a, '_, K, A, $width>
+        where
+            Layout: Get<K, $width>,
+        {
             type Output = ();
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, batch, answers, room } = self;
-                stream::<S, A, $width>(simd, structure, batch, answers, room);
+                let Self { structure, batch, answers, room, .. } = self;
+                stream::<K, S, A, $width>(simd, structure, batch, answers, room);
             }
         })*
     };

@@ -4,63 +4,100 @@ pub(crate) mod all;
 pub(crate) mod any;
 pub(crate) mod closest;
 pub(crate) mod count;
+pub(crate) mod filtered;
 pub(crate) mod many;
 
+use crate::layout::compact::Compact;
+use crate::layout::packing::Packing;
+use crate::layout::wide::Plain;
 use crate::math::Ray;
-use crate::simd::{Checked, Kernel, Simd};
+use crate::simd::{Checked, Function, Simd};
 use crate::trace::counters::Count;
-use crate::trace::structure::{Layout, Structure};
+use crate::trace::structure::{Get, Layout, Structure};
 use crate::trace::walk::{Visitor, walk};
+use core::marker::PhantomData;
 
-/// Shows `visitor` the hits of a ray, none if it is not valid, with the structure's own instructions.
-#[inline]
-fn ask<'a, V: Visitor<'a>>(structure: &'a Structure, ray: &Ray, visitor: &mut V) {
-    ask_at(structure.level, structure, ray, visitor, &mut ());
+/// A question about one ray: the visitor that finds out, made where the walk is, so that what it
+/// knows need not be in memory.
+pub(crate) trait Question<'a>: Visitor<'a> {
+    /// What it needs to begin with, besides the ray; small.
+    type Seed;
+    type Answer;
+
+    /// Nothing found yet.
+    fn begin(ray: &Ray, seed: Self::Seed) -> Self;
+    /// What the hits amount to.
+    fn answer(self) -> Self::Answer;
+}
+
+/// The answer for a ray, that of no hits if it is not valid, with the structure's own instructions.
+#[inline(always)]
+fn ask<'a, Q: Question<'a>>(structure: &'a Structure, ray: &Ray, seed: Q::Seed) -> Q::Answer {
+    ask_at::<Q, ()>(structure.level, structure, ray, seed, &mut ())
 }
 
 /// The same with the simplest instructions: compiled once for all rarer questions, and able to
 /// count. The answers are the same.
-#[inline]
-fn ask_simply<'a, V: Visitor<'a>, C: Count>(
+#[inline(always)]
+fn ask_simply<'a, Q: Question<'a>, C: Count>(
     structure: &'a Structure,
     ray: &Ray,
-    visitor: &mut V,
+    seed: Q::Seed,
     counters: &mut C,
-) {
-    ask_at(Checked::SCALAR, structure, ray, visitor, counters);
+) -> Q::Answer {
+    ask_at::<Q, C>(Checked::SCALAR, structure, ray, seed, counters)
 }
 
 #[inline(always)]
-fn ask_at<'a, V: Visitor<'a>, C: Count>(
+fn ask_at<'a, Q: Question<'a>, C: Count>(
     level: Checked,
     structure: &'a Structure,
     ray: &Ray,
-    visitor: &mut V,
+    seed: Q::Seed,
     counters: &mut C,
-) {
+) -> Q::Answer {
     match structure.layout {
-        Layout::Wide8(_) => level.run(Ask::<V, C, 8> { structure, ray, visitor, counters }),
-        Layout::Wide16(_) => level.run(Ask::<V, C, 16> { structure, ray, visitor, counters }),
+        Layout::Wide8(_) => {
+            level.apply::<Ask<'_, '_, Plain, Q, C, 8>>(structure, ray, seed, counters)
+        }
+        Layout::Wide16(_) => {
+            level.apply::<Ask<'_, '_, Plain, Q, C, 16>>(structure, ray, seed, counters)
+        }
+        Layout::Compact(_) => {
+            level.apply::<Ask<'_, '_, Compact, Q, C, 16>>(structure, ray, seed, counters)
+        }
     }
 }
 
 /// A walk through nodes of `W` children.
-struct Ask<'a, 'v, V, C, const W: usize> {
-    structure: &'a Structure,
-    ray: &'v Ray,
-    visitor: &'v mut V,
-    counters: &'v mut C,
-}
+struct Ask<'a, 'r, K, Q, C, const W: usize>(PhantomData<(&'a (), K, Q, &'r C)>);
 
 macro_rules! widths {
     ($($width:literal)*) => {
-        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Ask<'a, '_, V, C, $width> {
-            type Output = ();
+        $(impl<'a, 'r, K, Q, C> Function for Ask<'a, 'r, K, Q, C, $width>
+        where
+            K: Packing<$width>,
+            Q: Question<'a>,
+            C: Count,
+            Layout: Get<K, $width>,
+        {
+            type A = &'a Structure;
+            type B = &'r Ray;
+            type C = Q::Seed;
+            type D = &'r mut C;
+            type Output = Q::Answer;
 
             #[inline(always)]
-            fn run<S: Simd>(self, simd: S) {
-                let Self { structure, ray, visitor, counters } = self;
-                walk::<S, V, C, $width>(simd, structure, ray, visitor, counters);
+            fn run<S: Simd>(
+                simd: S,
+                structure: &'a Structure,
+                ray: &'r Ray,
+                seed: Q::Seed,
+                counters: &'r mut C,
+            ) -> Q::Answer {
+                let mut visitor = Q::begin(ray, seed);
+                walk::<K, S, Q, C, $width>(simd, structure, ray, &mut visitor, counters);
+                visitor.answer()
             }
         })*
     };

@@ -2,9 +2,10 @@
 
 use super::assemble;
 use super::{Plan, Quality, Scene, SceneError};
-use crate::build::Builder;
+use crate::build::{Builder, Info};
 use crate::context::Context;
 use crate::geometry::Mesh;
+use crate::layout::{compact, wide};
 use crate::math::Affine;
 use crate::optimize::Optimizer;
 use crate::simd::Level;
@@ -29,11 +30,22 @@ pub enum LayoutChoice {
     Wide8,
     /// [`crate::layout::wide::INFO_16`].
     Wide16,
+    /// [`crate::layout::compact::INFO`]: half the bytes, for scenes that outgrow the cache.
+    Compact,
 }
 
 impl LayoutChoice {
     /// Every layout, in the catalogue's order.
-    pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16];
+    pub const ALL: &[Self] = &[Self::Wide8, Self::Wide16, Self::Compact];
+
+    /// The catalogue's entry.
+    pub fn info(self) -> &'static Info {
+        match self {
+            Self::Wide8 => &wide::INFO_8,
+            Self::Wide16 => &wide::INFO_16,
+            Self::Compact => &compact::INFO,
+        }
+    }
 
     /// 16 children fill the vectors of AVX-512, 8 those of AVX2; with narrower vectors (SSE4.2, NEON,
     /// `simd128`), fewer boxes that are tested in vain count for more than fewer visits.

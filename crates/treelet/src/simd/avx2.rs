@@ -3,31 +3,12 @@
 //! FMA is not enabled: nothing here may fuse, and the compiler never fuses by itself.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Doubles, Floats, Four, Shuffle, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
-/// Exists only where AVX2 does.
-#[derive(Clone, Copy)]
-pub(crate) struct Avx2(());
-
-/// Runs `kernel` with AVX2.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx2(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx2(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Avx2(()), a, b, c, d)
+token! {
+    /// Exists only where AVX2 does.
+    Avx2, "avx2,bmi1,bmi2,lzcnt,popcnt"
 }
 
 impl Simd for Avx2 {
@@ -35,18 +16,6 @@ impl Simd for Avx2 {
     type F8 = F8;
     type F16 = Two<F8>;
     type D4 = D4;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {
@@ -141,6 +110,16 @@ impl Floats<4> for F4 {
         le _mm_cmp_ps _CMP_LE_OQ _mm_movemask_ps
         lt _mm_cmp_ps _CMP_LT_OQ _mm_movemask_ps
     }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
+        Self(unsafe {
+            let words = _mm_cvtepu16_epi32(_mm_loadu_si64(halves.as_ptr().cast()));
+            _mm_or_ps(self.0, _mm_castsi128_ps(words))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -170,6 +149,30 @@ impl Four for F4 {
         // SAFETY: as above.
         unsafe { _mm_movemask_ps(self.0) as u32 }
     }
+
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let shuffle = _mm_loadu_si128(shuffle.as_ptr().cast());
+            let addend = _mm_shuffle_epi8(_mm_loadu_si128(bytes.as_ptr().cast()), shuffle);
+            _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(self.0), addend))
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (_mm_unpacklo_ps(a.0, c.0), _mm_unpacklo_ps(b.0, d.0));
+            let (ac_z, bd_z) = (_mm_unpackhi_ps(a.0, c.0), _mm_unpackhi_ps(b.0, d.0));
+            [
+                Self(_mm_unpacklo_ps(ac, bd)),
+                Self(_mm_unpackhi_ps(ac, bd)),
+                Self(_mm_unpacklo_ps(ac_z, bd_z)),
+            ]
+        }
+    }
 }
 
 impl Floats<8> for F8 {
@@ -193,6 +196,16 @@ impl Floats<8> for F8 {
     compare! {
         le _mm256_cmp_ps _CMP_LE_OQ _mm256_movemask_ps
         lt _mm256_cmp_ps _CMP_LT_OQ _mm256_movemask_ps
+    }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 8]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes are
+        // readable.
+        Self(unsafe {
+            let words = _mm256_cvtepu16_epi32(_mm_loadu_si128(halves.as_ptr().cast()));
+            _mm256_or_ps(self.0, _mm256_castsi256_ps(words))
+        })
     }
 }
 

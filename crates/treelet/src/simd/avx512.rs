@@ -1,31 +1,12 @@
 //! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
-use super::{Doubles, Floats, Four, Function, Kernel, Simd};
+use super::{Doubles, Floats, Four, Shuffle, Simd};
 use core::arch::x86_64::*;
 
-/// Exists only where these parts of AVX-512 do.
-#[derive(Clone, Copy)]
-pub(crate) struct Avx512(());
-
-/// Runs `kernel` with AVX-512.
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx512(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Avx512(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Avx512(()), a, b, c, d)
+token! {
+    /// Exists only where these parts of AVX-512 do.
+    Avx512, "avx512f,avx512vl,avx512bw,avx512dq,bmi1,bmi2,lzcnt,popcnt"
 }
 
 impl Simd for Avx512 {
@@ -33,18 +14,6 @@ impl Simd for Avx512 {
     type F8 = F8;
     type F16 = F16;
     type D4 = D4;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {
@@ -211,6 +180,16 @@ impl Floats<4> for F4 {
 
     lanewise! { add _mm_add_ps sub _mm_sub_ps mul _mm_mul_ps div _mm_div_ps min _mm_min_ps max _mm_max_ps }
     compare! { le _mm_cmp_ps_mask _CMP_LE_OQ lt _mm_cmp_ps_mask _CMP_LT_OQ }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
+        Self(unsafe {
+            let words = _mm_cvtepu16_epi32(_mm_loadu_si64(halves.as_ptr().cast()));
+            _mm_or_ps(self.0, _mm_castsi128_ps(words))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -240,6 +219,30 @@ impl Four for F4 {
         // SAFETY: as above.
         unsafe { _mm_movemask_ps(self.0) as u32 }
     }
+
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let shuffle = _mm_loadu_si128(shuffle.as_ptr().cast());
+            let addend = _mm_shuffle_epi8(_mm_loadu_si128(bytes.as_ptr().cast()), shuffle);
+            _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(self.0), addend))
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (_mm_unpacklo_ps(a.0, c.0), _mm_unpacklo_ps(b.0, d.0));
+            let (ac_z, bd_z) = (_mm_unpackhi_ps(a.0, c.0), _mm_unpackhi_ps(b.0, d.0));
+            [
+                Self(_mm_unpacklo_ps(ac, bd)),
+                Self(_mm_unpackhi_ps(ac, bd)),
+                Self(_mm_unpacklo_ps(ac_z, bd_z)),
+            ]
+        }
+    }
 }
 
 impl Floats<8> for F8 {
@@ -256,6 +259,16 @@ impl Floats<8> for F8 {
         min _mm256_min_ps max _mm256_max_ps
     }
     compare! { le _mm256_cmp_ps_mask _CMP_LE_OQ lt _mm256_cmp_ps_mask _CMP_LT_OQ }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 8]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 16 bytes are
+        // readable.
+        Self(unsafe {
+            let words = _mm256_cvtepu16_epi32(_mm_loadu_si128(halves.as_ptr().cast()));
+            _mm256_or_ps(self.0, _mm256_castsi256_ps(words))
+        })
+    }
 }
 
 impl Floats<16> for F16 {
@@ -272,6 +285,16 @@ impl Floats<16> for F16 {
         min _mm512_min_ps max _mm512_max_ps
     }
     compare! { le _mm512_cmp_ps_mask _CMP_LE_OQ lt _mm512_cmp_ps_mask _CMP_LT_OQ }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 16]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 32 bytes are
+        // readable.
+        Self(unsafe {
+            let words = _mm512_cvtepu16_epi32(_mm256_loadu_si256(halves.as_ptr().cast()));
+            _mm512_or_ps(self.0, _mm512_castsi512_ps(words))
+        })
+    }
 }
 
 impl Doubles for D4 {

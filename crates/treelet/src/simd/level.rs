@@ -1,7 +1,7 @@
 //! Instruction sets by name: which there are, which this processor has, and how to enter one.
 
-use super::Simd;
 use super::scalar::Scalar;
+use super::{Enter, Function, Simd};
 
 /// Whether the processor has all of these features: asked of it, or, without `std`, of the compiler.
 #[cfg(target_arch = "x86_64")]
@@ -119,6 +119,48 @@ impl Level {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Checked(Level);
 
+/// Evaluates an expression with the token of a checked level.
+macro_rules! enter {
+    ($checked:expr, $simd:ident => $work:expr) => {
+        match $checked.0 {
+            Level::Scalar => {
+                let $simd = Scalar;
+                $work
+            }
+            #[cfg(target_arch = "x86_64")]
+            Level::Sse42 => {
+                // SAFETY: only `Level::checked` makes values of this level, and it asked the processor.
+                let $simd = unsafe { super::sse42::Sse42::assume() };
+                $work
+            }
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx2 => {
+                // SAFETY: as above.
+                let $simd = unsafe { super::avx2::Avx2::assume() };
+                $work
+            }
+            #[cfg(target_arch = "x86_64")]
+            Level::Avx512 => {
+                // SAFETY: as above.
+                let $simd = unsafe { super::avx512::Avx512::assume() };
+                $work
+            }
+            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
+            Level::Neon => {
+                // SAFETY: the program is compiled for processors that have it.
+                let $simd = unsafe { super::neon::Neon::assume() };
+                $work
+            }
+            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+            Level::Simd128 => {
+                // SAFETY: as above.
+                let $simd = unsafe { super::wasm::Simd128::assume() };
+                $work
+            }
+        }
+    };
+}
+
 impl Checked {
     /// [`Level::Scalar`].
     pub(crate) const SCALAR: Self = Self(Level::Scalar);
@@ -131,22 +173,12 @@ impl Checked {
     /// Runs a kernel at this level: one branch.
     #[inline(always)]
     pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
-        match self.0 {
-            Level::Scalar => kernel.run(Scalar),
-            // SAFETY: only `Level::checked` makes other values, and it asked the processor.
-            #[cfg(target_arch = "x86_64")]
-            Level::Sse42 => unsafe { super::sse42::run(kernel) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx2 => unsafe { super::avx2::run(kernel) },
-            // SAFETY: as above.
-            #[cfg(target_arch = "x86_64")]
-            Level::Avx512 => unsafe { super::avx512::run(kernel) },
-            // SAFETY: the program is compiled for processors that have it.
-            #[cfg(all(target_arch = "aarch64", target_feature = "neon"))]
-            Level::Neon => unsafe { super::neon::run(kernel) },
-            #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
-            Level::Simd128 => super::wasm::run(kernel),
-        }
+        enter!(self, simd => simd.call(kernel))
+    }
+
+    /// Calls a function at this level: see [`Enter::apply`].
+    #[inline(always)]
+    pub(crate) fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
+        enter!(self, simd => simd.apply::<F>(a, b, c, d))
     }
 }

@@ -14,6 +14,65 @@
 
 #![allow(unsafe_code, reason = "the wall: vendor intrinsics")]
 
+/// A level's token, and how the level is entered: by functions that are compiled for its features.
+macro_rules! token {
+    ($(#[$doc:meta])* $name:ident $(, $features:literal)?) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy)]
+        pub(crate) struct $name(());
+
+        impl $name {
+            /// # Safety
+            ///
+            /// The processor has the level's instructions.
+            #[inline(always)]
+            pub(super) unsafe fn assume() -> Self {
+                Self(())
+            }
+        }
+
+        impl crate::simd::Enter for $name {
+            #[inline(always)]
+            fn call<K: crate::simd::Kernel>(self, kernel: K) -> K::Output {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                fn call<K: crate::simd::Kernel>(kernel: K) -> K::Output {
+                    kernel.run($name(()))
+                }
+                token!(@ $($features)? => call(kernel))
+            }
+
+            #[inline(always)]
+            fn apply<F: crate::simd::Function>(
+                self,
+                a: F::A,
+                b: F::B,
+                c: F::C,
+                d: F::D,
+            ) -> F::Output {
+                $(#[target_feature(enable = $features)])?
+                #[inline(never)]
+                fn apply<F: crate::simd::Function>(
+                    a: F::A,
+                    b: F::B,
+                    c: F::C,
+                    d: F::D,
+                ) -> F::Output {
+                    F::run($name(()), a, b, c, d)
+                }
+                token!(@ $($features)? => apply::<F>(a, b, c, d))
+            }
+        }
+    };
+    (@ => $call:expr) => {
+        $call
+    };
+    (@ $features:literal => $call:expr) => {
+        // SAFETY: the token shows that the processor has the instructions.
+        unsafe { $call }
+    };
+}
+
 #[cfg(target_arch = "x86_64")]
 mod avx2;
 #[cfg(target_arch = "x86_64")]
@@ -65,7 +124,16 @@ pub(crate) trait Floats<const N: usize>: Copy {
     fn le(self, other: Self) -> u32;
     /// Bit `i` is set where `self < other` in lane `i`; not for NaN.
     fn lt(self, other: Self) -> u32;
+
+    /// The bits of each lane, or those of a half word.
+    fn or_halves(self, halves: &[u16; N]) -> Self;
 }
+
+/// Which of 16 bytes become the bytes of four lanes; [`NO_BYTE`] for zero.
+pub(crate) type Shuffle = [u8; 16];
+
+/// See [`Shuffle`].
+pub(crate) const NO_BYTE: u8 = 0x80;
 
 /// What is done with four lanes only: where a ray's coordinates are.
 pub(crate) trait Four: Floats<4> {
@@ -77,6 +145,10 @@ pub(crate) trait Four: Floats<4> {
     fn max_lane(self) -> Self;
     /// Bit `i` is the sign of lane `i`.
     fn signs(self) -> u32;
+    /// The bits of each lane plus those of four lanes shuffled together from `bytes`, modulo 2^32.
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self;
+    /// The first three columns of four rows.
+    fn columns(rows: [Self; 4]) -> [Self; 3];
 }
 
 /// Four lanes of f64.
@@ -110,7 +182,7 @@ pub(crate) trait Doubles: Copy {
     fn lt(self, other: Self) -> u32;
 }
 
-/// A function that is generic in the instruction set: see [`Simd::apply`]. Each argument should be at
+/// A function that is generic in the instruction set: see [`Enter::apply`]. Each argument should be at
 /// most two words.
 pub(crate) trait Function {
     type A;
@@ -123,8 +195,21 @@ pub(crate) trait Function {
     fn run<S: Simd>(simd: S, a: Self::A, b: Self::B, c: Self::C, d: Self::D) -> Self::Output;
 }
 
+/// How code of a level is entered.
+pub(crate) trait Enter: Copy {
+    /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
+    /// that loop its registers.
+    fn call<K: Kernel>(self, kernel: K) -> K::Output;
+
+    /// Calls a function of its own with arguments in registers: for what is called so often that a
+    /// kernel handed over in memory would be waited for. (A kernel's fields are stored one by one
+    /// and loaded in pairs, which processors do not forward: 6 of the 17 ns of a ray that meets
+    /// nothing.)
+    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output;
+}
+
 /// An instruction set, as a token that shows that this processor has it.
-pub(crate) trait Simd: Copy {
+pub(crate) trait Simd: Enter {
     /// 4 lanes of f32.
     type F4: Four<Token = Self>;
     /// 8 lanes of f32.
@@ -136,14 +221,6 @@ pub(crate) trait Simd: Copy {
 
     /// Whether four f64 are one vector.
     const WIDE_DOUBLES: bool;
-
-    /// Runs a kernel in a function of its own: what is rarer than its caller's loop, and would cost
-    /// that loop its registers.
-    fn call<K: Kernel>(self, kernel: K) -> K::Output;
-
-    /// Calls a function of its own with arguments in registers: for what is called so often that a
-    /// kernel handed over in memory would be waited for.
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output;
 
     /// Asks for the cache line of `address`, which need not be valid.
     fn prefetch<T>(self, address: *const T);

@@ -5,31 +5,12 @@
 //! bits: lanes are masked to a bit of their own each and summed.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
 use core::arch::aarch64::*;
 
-/// Exists only where NEON does.
-#[derive(Clone, Copy)]
-pub(crate) struct Neon(());
-
-/// Runs `kernel` with NEON.
-#[target_feature(enable = "neon")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Neon(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "neon")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Neon(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "neon")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Neon(()), a, b, c, d)
+token! {
+    /// Exists only where NEON does.
+    Neon, "neon"
 }
 
 impl Simd for Neon {
@@ -37,18 +18,6 @@ impl Simd for Neon {
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {
@@ -173,6 +142,16 @@ impl Floats<4> for F4 {
     }
 
     compare! { le vcleq_f32 bits_4 lt vcltq_f32 bits_4 }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
+        Self(unsafe {
+            let words = vmovl_u16(vld1_u16(halves.as_ptr()));
+            vreinterpretq_f32_u32(vorrq_u32(vreinterpretq_u32_f32(self.0), words))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -201,6 +180,27 @@ impl Four for F4 {
     fn signs(self) -> u32 {
         // SAFETY: as above.
         unsafe { bits_4(vcltzq_s32(vreinterpretq_s32_f32(self.0))) }
+    }
+
+    /// The instruction takes every byte from beyond the table as zero.
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let addend = vqtbl1q_u8(vld1q_u8(bytes.as_ptr()), vld1q_u8(shuffle.as_ptr()));
+            let sum = vaddq_u32(vreinterpretq_u32_f32(self.0), vreinterpretq_u32_u8(addend));
+            vreinterpretq_f32_u32(sum)
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (vzip1q_f32(a.0, c.0), vzip1q_f32(b.0, d.0));
+            let (ac_z, bd_z) = (vzip2q_f32(a.0, c.0), vzip2q_f32(b.0, d.0));
+            [Self(vzip1q_f32(ac, bd)), Self(vzip2q_f32(ac, bd)), Self(vzip1q_f32(ac_z, bd_z))]
+        }
     }
 }
 

@@ -1,18 +1,15 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{Doubles, Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{
+    Doubles, Enter, Floats, Four, Function, Kernel, NO_BYTE, Shuffle, Simd, compress_by_bits,
+};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
 pub(crate) struct Scalar;
 
-impl Simd for Scalar {
-    type F4 = Lanes;
-    type F8 = Two<Lanes>;
-    type F16 = Two<Two<Lanes>>;
-    type D4 = DoubleLanes;
-
+impl Enter for Scalar {
     #[inline(never)]
     fn call<K: Kernel>(self, kernel: K) -> K::Output {
         kernel.run(self)
@@ -22,6 +19,13 @@ impl Simd for Scalar {
     fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
         F::run(self, a, b, c, d)
     }
+}
+
+impl Simd for Scalar {
+    type F4 = Lanes;
+    type F8 = Two<Lanes>;
+    type F16 = Two<Two<Lanes>>;
+    type D4 = DoubleLanes;
 
     #[inline(always)]
     fn prefetch<T>(self, _: *const T) {}
@@ -103,6 +107,12 @@ impl Floats<4> for Lanes {
     }
 
     compare! { le <=; lt <; }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        let lane = |i: usize| f32::from_bits(self.0[i].to_bits() | u32::from(halves[i]));
+        Self([lane(0), lane(1), lane(2), lane(3)])
+    }
 }
 
 impl Four for Lanes {
@@ -130,6 +140,26 @@ impl Four for Lanes {
     fn signs(self) -> u32 {
         let bit = |i: usize| self.0[i].to_bits() >> 31 << i;
         bit(0) | bit(1) | bit(2) | bit(3)
+    }
+
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        let byte = |i: usize| match shuffle[i] {
+            NO_BYTE => 0,
+            from => bytes[usize::from(from) % 16],
+        };
+        let lane = |i: usize| {
+            let i = 4 * i;
+            let addend = u32::from_le_bytes([byte(i), byte(i + 1), byte(i + 2), byte(i + 3)]);
+            f32::from_bits(self.lanes()[i / 4].to_bits().wrapping_add(addend))
+        };
+        Self([lane(0), lane(1), lane(2), lane(3)])
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        let column = |i: usize| Self([a.0[i], b.0[i], c.0[i], d.0[i]]);
+        [column(0), column(1), column(2)]
     }
 }
 

@@ -1,31 +1,12 @@
 //! SSE4.2: x86-64 processors since 2009. Vectors of 4 f32 or 2 f64.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
 use core::arch::x86_64::*;
 
-/// Exists only where SSE4.2 does.
-#[derive(Clone, Copy)]
-pub(crate) struct Sse42(());
-
-/// Runs `kernel` with SSE4.2.
-#[target_feature(enable = "sse4.2,popcnt")]
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Sse42(()))
-}
-
-/// The same, never inlined.
-#[target_feature(enable = "sse4.2,popcnt")]
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Sse42(()))
-}
-
-/// A function, never inlined.
-#[target_feature(enable = "sse4.2,popcnt")]
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Sse42(()), a, b, c, d)
+token! {
+    /// Exists only where SSE4.2 does.
+    Sse42, "sse4.2,popcnt"
 }
 
 impl Simd for Sse42 {
@@ -33,18 +14,6 @@ impl Simd for Sse42 {
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { call(kernel) }
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        // SAFETY: the token shows that the processor has the instructions.
-        unsafe { apply::<F>(a, b, c, d) }
-    }
 
     #[inline(always)]
     fn prefetch<T>(self, address: *const T) {
@@ -126,6 +95,16 @@ impl Floats<4> for F4 {
     }
 
     compare! { le _mm_cmple_ps _mm_movemask_ps lt _mm_cmplt_ps _mm_movemask_ps }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: `self` exists, so a token did, so the processor has the instructions; 8 bytes are
+        // readable.
+        Self(unsafe {
+            let words = _mm_cvtepu16_epi32(_mm_loadu_si64(halves.as_ptr().cast()));
+            _mm_or_ps(self.0, _mm_castsi128_ps(words))
+        })
+    }
 }
 
 impl Four for F4 {
@@ -154,6 +133,30 @@ impl Four for F4 {
     fn signs(self) -> u32 {
         // SAFETY: as above.
         unsafe { _mm_movemask_ps(self.0) as u32 }
+    }
+
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable twice.
+        Self(unsafe {
+            let shuffle = _mm_loadu_si128(shuffle.as_ptr().cast());
+            let addend = _mm_shuffle_epi8(_mm_loadu_si128(bytes.as_ptr().cast()), shuffle);
+            _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(self.0), addend))
+        })
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        // SAFETY: as above.
+        unsafe {
+            let (ac, bd) = (_mm_unpacklo_ps(a.0, c.0), _mm_unpacklo_ps(b.0, d.0));
+            let (ac_z, bd_z) = (_mm_unpackhi_ps(a.0, c.0), _mm_unpackhi_ps(b.0, d.0));
+            [
+                Self(_mm_unpacklo_ps(ac, bd)),
+                Self(_mm_unpackhi_ps(ac, bd)),
+                Self(_mm_unpacklo_ps(ac_z, bd_z)),
+            ]
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! Every level against the scalar one, bit for bit, on values that do something odd.
 
-use super::{Checked, Doubles, Floats, Four, Kernel, Level, Simd, Wide};
+use super::{Checked, Doubles, Floats, Four, Kernel, Level, NO_BYTE, Simd, Wide};
 use alloc::vec::Vec;
 
 const ODD: [f32; 16] = [
@@ -62,6 +62,9 @@ fn floats<S: Wide<W>, const W: usize>(simd: S, shift: usize, bits: &mut Vec<u64>
     bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
     bits.extend(a.min_where(0xA5C3, b).lanes().map(narrow_bits));
     bits.extend([u64::from(a.le(b)), u64::from(a.lt(b))]);
+    let halves = core::array::from_fn(|lane| (1600 * shift + 3700 * lane) as u16);
+    let start = S::F::splat(simd, 8_388_608.0);
+    bits.extend(start.or_halves(&halves).lanes().map(narrow_bits));
 }
 
 #[inline(always)]
@@ -91,6 +94,14 @@ fn four<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
         let all = [a.xyzz(), a.abs(), a.div(b), size.max_lane(), negative.max_lane()];
         bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
         bits.push(u64::from(a.signs()));
+        let bytes = core::array::from_fn(|i| (29 * i + shift) as u8);
+        let shuffle = core::array::from_fn(|i| {
+            if (i + shift) % 5 == 0 { NO_BYTE } else { ((7 * i + first) % 16) as u8 }
+        });
+        bits.extend(size.add_bytes(&bytes, &shuffle).lanes().map(narrow_bits));
+        bits.extend(
+            S::F4::columns([a, b, size, negative]).iter().flat_map(|v| v.lanes()).map(narrow_bits),
+        );
     }
 }
 

@@ -27,7 +27,7 @@ macro_rules! doubled {
 
             #[inline(always)]
             fn load(token: V::Token, lanes: &[f32; $whole]) -> Self {
-                let (lower, upper) = halves::<$half>(lanes);
+                let (lower, upper) = halves::<f32, $half>(lanes);
                 Self(V::load(token, lower), V::load(token, upper))
             }
 
@@ -55,6 +55,12 @@ macro_rules! doubled {
             fn lt(self, other: Self) -> u32 {
                 self.0.lt(other.0) | self.1.lt(other.1) << $half
             }
+
+            #[inline(always)]
+            fn or_halves(self, words: &[u16; $whole]) -> Self {
+                let (lower, upper) = halves::<u16, $half>(words);
+                Self(self.0.or_halves(lower), self.1.or_halves(upper))
+            }
         }
     };
 }
@@ -64,7 +70,7 @@ doubled! { 8 16 }
 
 /// Splits an array of `2 N` lanes.
 #[inline(always)]
-fn halves<const N: usize>(lanes: &[f32]) -> (&[f32; N], &[f32; N]) {
+fn halves<T, const N: usize>(lanes: &[T]) -> (&[T; N], &[T; N]) {
     let (lower, upper) = lanes.split_at(N);
     match (lower.first_chunk(), upper.first_chunk()) {
         (Some(lower), Some(upper)) => (lower, upper),

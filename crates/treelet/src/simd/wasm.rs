@@ -8,28 +8,12 @@
 //! exchanged. The relaxed instructions, which may fuse or pick another minimum, are not used.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Function, Kernel, Simd, compress_by_bits};
+use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
 use core::arch::wasm32::*;
 
-/// Exists only where `simd128` does.
-#[derive(Clone, Copy)]
-pub(crate) struct Simd128(());
-
-/// Runs `kernel` with `simd128`.
-pub(super) fn run<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Simd128(()))
-}
-
-/// The same, never inlined.
-#[inline(never)]
-fn call<K: Kernel>(kernel: K) -> K::Output {
-    kernel.run(Simd128(()))
-}
-
-/// A function, never inlined.
-#[inline(never)]
-fn apply<F: Function>(a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-    F::run(Simd128(()), a, b, c, d)
+token! {
+    /// Exists only where `simd128` does.
+    Simd128
 }
 
 impl Simd for Simd128 {
@@ -37,16 +21,6 @@ impl Simd for Simd128 {
     type F8 = Two<F4>;
     type F16 = Two<Two<F4>>;
     type D4 = Two<D2>;
-
-    #[inline(always)]
-    fn call<K: Kernel>(self, kernel: K) -> K::Output {
-        call(kernel)
-    }
-
-    #[inline(always)]
-    fn apply<F: Function>(self, a: F::A, b: F::B, c: F::C, d: F::D) -> F::Output {
-        apply::<F>(a, b, c, d)
-    }
 
     /// There is no such instruction.
     #[inline(always)]
@@ -129,6 +103,13 @@ impl Floats<4> for F4 {
     }
 
     compare! { le f32x4_le i32x4_bitmask lt f32x4_lt i32x4_bitmask }
+
+    #[inline(always)]
+    fn or_halves(self, halves: &[u16; 4]) -> Self {
+        // SAFETY: 8 bytes are readable; they need not be aligned.
+        let words = unsafe { u32x4_load_extend_u16x4(halves.as_ptr()) };
+        Self(v128_or(self.0, words))
+    }
 }
 
 impl Four for F4 {
@@ -151,6 +132,28 @@ impl Four for F4 {
     #[inline(always)]
     fn signs(self) -> u32 {
         u32::from(i32x4_bitmask(self.0))
+    }
+
+    /// The instruction takes every byte from beyond the table as zero.
+    #[inline(always)]
+    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
+        // SAFETY: 16 bytes are readable twice; they need not be aligned.
+        let (bytes, shuffle) =
+            unsafe { (v128_load(bytes.as_ptr().cast()), v128_load(shuffle.as_ptr().cast())) };
+        Self(i32x4_add(self.0, u8x16_swizzle(bytes, shuffle)))
+    }
+
+    #[inline(always)]
+    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
+        let (ab, cd) =
+            (i32x4_shuffle::<0, 4, 1, 5>(a.0, b.0), i32x4_shuffle::<0, 4, 1, 5>(c.0, d.0));
+        let (ab_z, cd_z) =
+            (i32x4_shuffle::<2, 6, 2, 6>(a.0, b.0), i32x4_shuffle::<2, 6, 2, 6>(c.0, d.0));
+        [
+            Self(i32x4_shuffle::<0, 1, 4, 5>(ab, cd)),
+            Self(i32x4_shuffle::<2, 3, 6, 7>(ab, cd)),
+            Self(i32x4_shuffle::<0, 1, 4, 5>(ab_z, cd_z)),
+        ]
     }
 }
 

@@ -3,9 +3,9 @@
 
 use super::counters::Count;
 use super::pending::{Order, Pending, STACK_NEAR};
-use super::walk::Visitor;
-use crate::bounds::{Aabb, SlabRay};
-use crate::layout::wide::{Child, Node};
+use crate::bounds::SlabRay;
+use crate::layout::packing::Packing;
+use crate::layout::wide::Child;
 use crate::memory::Stack;
 use crate::simd::{Floats, Kernel, Simd, Wide};
 
@@ -36,35 +36,38 @@ impl<F> Lanes<F> {
     /// The children whose boxes the ray meets within `t_min ..= t_max`, a bit each, and where it
     /// enters them.
     #[inline(always)]
-    fn test<S, const W: usize>(&self, simd: S, node: &Node<W>, t_min: F, t_max: F) -> (u32, F)
+    fn test<K, S, const W: usize>(&self, simd: S, node: &K::Node, t_min: F, t_max: F) -> (u32, F)
+    where
+        K: Packing<W>,
+        S: Wide<W, F = F>,
+        F: Floats<W, Token = S>,
+    {
+        let entry = |axis: usize| self.entry::<K, S, W>(simd, node, axis);
+        let [entry_x, entry_y, entry_z] = [entry(0), entry(1), entry(2)];
+        let exit = |axis: usize| self.exit::<K, S, W>(simd, node, axis);
+        let [exit_x, exit_y, exit_z] = [exit(0), exit(1), exit(2)];
+        let entry = entry_x.max(entry_y).max(entry_z.max(t_min));
+        let exit = exit_x.min(exit_y).min(exit_z.min(t_max));
+        (entry.le(exit) & K::slots(node), entry)
+    }
+
+    #[inline(always)]
+    fn entry<K: Packing<W>, S, const W: usize>(&self, simd: S, node: &K::Node, axis: usize) -> F
     where
         S: Wide<W, F = F>,
         F: Floats<W, Token = S>,
     {
-        let [entry_x, entry_y, entry_z] =
-            [self.entry(simd, node, 0), self.entry(simd, node, 1), self.entry(simd, node, 2)];
-        let [exit_x, exit_y, exit_z] =
-            [self.exit(simd, node, 0), self.exit(simd, node, 1), self.exit(simd, node, 2)];
-        let entry = entry_x.max(entry_y).max(entry_z.max(t_min));
-        let exit = exit_x.min(exit_y).min(exit_z.min(t_max));
-        (entry.le(exit), entry)
-    }
-
-    #[inline(always)]
-    fn entry<S: Wide<W, F = F>, const W: usize>(&self, simd: S, node: &Node<W>, axis: usize) -> F
-    where
-        F: Floats<W, Token = S>,
-    {
-        let planes = F::load(simd, &node.planes[axis][self.backward[axis] & 1]);
+        let planes = K::planes(simd, node, axis, self.backward[axis] & 1);
         planes.sub(self.near[axis]).mul(self.reciprocal[axis])
     }
 
     #[inline(always)]
-    fn exit<S: Wide<W, F = F>, const W: usize>(&self, simd: S, node: &Node<W>, axis: usize) -> F
+    fn exit<K: Packing<W>, S, const W: usize>(&self, simd: S, node: &K::Node, axis: usize) -> F
     where
+        S: Wide<W, F = F>,
         F: Floats<W, Token = S>,
     {
-        let planes = F::load(simd, &node.planes[axis][self.backward[axis] & 1 ^ 1]);
+        let planes = K::planes(simd, node, axis, self.backward[axis] & 1 ^ 1);
         planes.sub(self.far[axis]).mul(self.reciprocal[axis])
     }
 }
@@ -75,11 +78,11 @@ fn splat<F: Floats<W>, const W: usize>(token: F::Token, [x, y, z]: [f32; 3]) -> 
     [F::splat(token, x), F::splat(token, y), F::splat(token, z)]
 }
 /// The way from a node to the next leaf.
-pub(crate) struct Descent<'d, 's, P, V, C, const W: usize> {
-    pub(super) nodes: &'d [Node<W>],
+pub(crate) struct Descent<'d, 's, K: Packing<W>, P, C, const W: usize> {
+    pub(super) nodes: &'d [K::Node],
     pub(super) slab: &'d SlabRay,
-    pub(super) t_min: f32,
-    pub(super) visitor: &'d V,
+    /// The least `t` that is wanted, and the greatest: neither changes before the next leaf.
+    pub(super) range: (f32, f32),
     pub(super) stack: &'d mut Stack<'s, P, STACK_NEAR>,
     pub(super) counters: &'d mut C,
     pub(super) next: Child,
@@ -87,26 +90,26 @@ pub(crate) struct Descent<'d, 's, P, V, C, const W: usize> {
 
 macro_rules! descents {
     ($($width:literal)*) => {
-        $(impl<'a, V: Visitor<'a>, C: Count> Kernel for Descent<'_, '_, V::Pending, V, C, $width> {
+        $(impl<K: Packing<$width>, P: Order, C: Count> Kernel for Descent<'_, '_, K, P, C, $width> {
             type Output = Child;
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) -> Child {
-                let Self { nodes, slab, t_min, visitor, stack, counters, mut next } = self;
+                let Self { nodes, slab, range: (t_min, t_max), stack, counters, mut next } = self;
                 let lanes = Lanes::<<S as Wide<$width>>::F>::new(simd, slab);
                 let t_min = <S as Wide<$width>>::F::splat(simd, t_min);
+                let limit = <S as Wide<$width>>::F::splat(simd, t_max);
                 while next.is_inner() && !stack.is_tight::<$width>() {
                     let Some(node) = nodes.get(next.0 as usize) else { return Child::NONE };
                     counters.node();
-                    let t_max = <S as Wide<$width>>::F::splat(simd, visitor.t_max());
-                    let (mask, entry) = lanes.test(simd, node, t_min, t_max);
+                    let (mask, entry) = lanes.test::<K, S, $width>(simd, node, t_min, limit);
                     if C::LISTENS {
-                        report(slab, node, mask, counters);
+                        report::<K, C, $width>(slab, node, mask, counters);
                     }
                     next = if mask == 0 {
-                        pop(visitor, stack, counters)
+                        pop(t_max, stack, counters)
                     } else {
-                        V::Pending::spread::<S, $width>(simd, node, mask, entry, stack)
+                        P::spread::<S, $width>(simd, K::children(node), mask, entry, stack)
                     };
                 }
                 next
@@ -118,14 +121,14 @@ macro_rules! descents {
 descents! { 8 16 }
 /// The next child that may still matter; [`Child::NONE`] if none is near.
 #[inline(always)]
-pub(super) fn pop<'a, V: Visitor<'a>, C: Count>(
-    visitor: &V,
-    stack: &mut Stack<'_, V::Pending, STACK_NEAR>,
+pub(super) fn pop<P: Pending, C: Count>(
+    t_max: f32,
+    stack: &mut Stack<'_, P, STACK_NEAR>,
     counters: &mut C,
 ) -> Child {
     loop {
         let Some(pending) = stack.pop_near() else { return Child::NONE };
-        if !pending.is_beyond(visitor.t_max()) {
+        if !pending.is_beyond(t_max) {
             return pending.child();
         }
         counters.t_culls(1);
@@ -133,13 +136,15 @@ pub(super) fn pop<'a, V: Visitor<'a>, C: Count>(
 }
 /// Counts the children that a visit did not lead to.
 #[cold]
-fn report<C: Count, const W: usize>(ray: &SlabRay, node: &Node<W>, mask: u32, counters: &mut C) {
-    for slot in (0..W).filter(|slot| mask >> slot & 1 == 0 && node.children[*slot] != Child::END) {
-        let bounds = Aabb {
-            lo: core::array::from_fn(|axis| node.planes[axis][0][slot]),
-            hi: core::array::from_fn(|axis| node.planes[axis][1][slot]),
-        };
-        if ray.interval(&bounds).is_empty() {
+fn report<K: Packing<W>, C: Count, const W: usize>(
+    ray: &SlabRay,
+    node: &K::Node,
+    mask: u32,
+    counters: &mut C,
+) {
+    let children = K::children(node);
+    for slot in (0..W).filter(|slot| mask >> slot & 1 == 0 && children[*slot] != Child::END) {
+        if ray.interval(&K::bounds(node, slot)).is_empty() {
             counters.box_culls(1);
         } else {
             counters.t_culls(1);

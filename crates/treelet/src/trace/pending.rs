@@ -1,6 +1,6 @@
 //! What waits on a walk's stack, and in which order a node's children get there.
 
-use crate::layout::wide::{Child, Node};
+use crate::layout::wide::Child;
 use crate::memory::Stack;
 use crate::simd::{Floats, Simd, Wide};
 
@@ -62,7 +62,7 @@ pub(crate) trait Order: Pending {
     /// with.
     fn spread<S: Wide<W>, const W: usize>(
         simd: S,
-        node: &Node<W>,
+        children: &[Child; W],
         mask: u32,
         entry: S::F,
         stack: &mut Stack<'_, Self, STACK_NEAR>,
@@ -74,16 +74,16 @@ impl Order for ByEntry {
     #[inline(always)]
     fn spread<S: Wide<W>, const W: usize>(
         simd: S,
-        node: &Node<W>,
+        children: &[Child; W],
         mask: u32,
         entry: S::F,
         stack: &mut Stack<'_, Self, STACK_NEAR>,
     ) -> Child {
         // Most nodes have one child that is met: no sorting, no distances.
         if mask & (mask - 1) == 0 {
-            return node.children[mask.trailing_zeros() as usize % W];
+            return children[mask.trailing_zeros() as usize % W];
         }
-        let mut met = Met::<W>::new(simd, node, mask, entry.lanes());
+        let mut met = Met::<W>::new(simd, children, mask, entry.lanes());
         let (mut nearest, farther) = ordered(met.next(), met.next());
         let count = mask.count_ones() as usize;
         if count == 2 {
@@ -119,7 +119,7 @@ impl Order for Child {
     #[inline(always)]
     fn spread<S: Wide<W>, const W: usize>(
         simd: S,
-        node: &Node<W>,
+        children: &[Child; W],
         mask: u32,
         _: S::F,
         stack: &mut Stack<'_, Self, STACK_NEAR>,
@@ -127,15 +127,15 @@ impl Order for Child {
         let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
         let mut rest = mask & !(1 << largest);
         if S::COMPRESSES {
-            let children = simd.compress(rest, &words(&node.children));
-            stack.push_first(children.map(Child), rest.count_ones() as usize);
+            let packed = simd.compress(rest, &words(children));
+            stack.push_first(packed.map(Child), rest.count_ones() as usize);
         } else {
             while rest != 0 {
-                stack.push_near(node.children[rest.trailing_zeros() as usize % W]);
+                stack.push_near(children[rest.trailing_zeros() as usize % W]);
                 rest &= rest - 1;
             }
         }
-        node.children[largest % W]
+        children[largest % W]
     }
 }
 
@@ -150,8 +150,8 @@ struct Met<const W: usize> {
 
 impl<const W: usize> Met<W> {
     #[inline(always)]
-    fn new<S: Simd>(simd: S, node: &Node<W>, mask: u32, entries: [f32; W]) -> Self {
-        let (children, entries) = (words(&node.children), bits(entries));
+    fn new<S: Simd>(simd: S, children: &[Child; W], mask: u32, entries: [f32; W]) -> Self {
+        let (children, entries) = (words(children), bits(entries));
         if S::COMPRESSES {
             let (children, entries) =
                 (simd.compress(mask, &children), simd.compress(mask, &entries));

@@ -2,7 +2,7 @@
 
 use super::structure::Structure;
 use crate::bounds::{Interval, SlabRay};
-use crate::geometry::TriangleRay;
+use crate::geometry::triangle::{Ordinary, TriangleRay};
 use crate::math::{Affine, Ray, ray};
 use crate::simd::{Floats, Four, Simd};
 
@@ -51,13 +51,15 @@ impl Prepared {
         clip: Interval,
         structure: &Structure,
     ) -> Option<Self> {
-        let splat = |x: f32| S::F4::splat(simd, x);
         let o = S::F4::load(simd, &[origin[0], origin[1], origin[2], 0.0]).xyzz();
         let d = S::F4::load(simd, &[direction[0], direction[1], direction[2], 0.0]).xyzz();
-        let valid = (o.abs().lt(splat(f32::INFINITY)) == 0xF)
-            & (d.abs().le(splat(ray::LONGEST)) == 0xF)
-            & (splat(ray::SHORTEST).le(d.abs()) != 0);
-        if !valid {
+        let usual = within(
+            simd,
+            o,
+            d,
+            [Ordinary::COORDINATE_MAX, Ordinary::LENGTH_MIN, Ordinary::LENGTH_MAX],
+        );
+        if !usual && !within(simd, o, d, [f32::MAX, ray::SHORTEST, ray::LONGEST]) {
             return None;
         }
         let [lo, hi] = &structure.reach_lanes;
@@ -68,8 +70,18 @@ impl Prepared {
             origin,
             direction,
             slab: SlabRay::of_lanes(simd, o, d, slack),
-            triangle: TriangleRay::new(origin, direction),
+            triangle: TriangleRay::new(origin, direction).ordinary(usual & structure.ordinary),
             clip,
         })
     }
+}
+
+/// Whether no coordinate is beyond the first limit, no component of the direction beyond the last,
+/// and some component not below the second; not for NaN.
+#[inline(always)]
+fn within<S: Simd>(simd: S, o: S::F4, d: S::F4, [origin, shortest, longest]: [f32; 3]) -> bool {
+    let splat = |x: f32| S::F4::splat(simd, x);
+    (o.abs().le(splat(origin)) == 0xF)
+        & (d.abs().le(splat(longest)) == 0xF)
+        & (splat(shortest).le(d.abs()) != 0)
 }

@@ -43,11 +43,13 @@ use super::walk::{Found, Visitor, walk_from};
 use crate::bounds::{Aabb, Interval};
 use crate::geometry::block::{self, BlockTest};
 use crate::geometry::bundle::Bundle;
-use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Node, Wide as WideTree};
+use crate::layout::packing::{Block, Packing};
+use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_reserve};
 use crate::simd::{Floats, Kernel, Simd, Wide};
 use alloc::vec::Vec;
+use core::marker::PhantomData;
 
 /// What a stream tells about its rays' hits, and keeps of them between lists.
 pub(crate) trait Answers<'a> {
@@ -139,19 +141,21 @@ pub(crate) enum Order {
 
 /// Asks about the rays of a batch.
 #[inline(always)]
-pub(crate) fn stream<'a, S, A, const W: usize>(
+pub(crate) fn stream<'a, K, S, A, const W: usize>(
     simd: S,
     structure: &'a Structure,
     batch: Batch<'_>,
     answers: &mut A,
     room: &mut Room,
 ) where
+    K: Packing<W>,
     S: Wide<W>,
-    Layout: Get<W>,
+    Layout: Get<K, W>,
     A: Answers<'a>,
-    for<'x, 'y> Tail<'a, 'x, 'y, A::Visitor, W>: Kernel<Output = ()>,
+    for<'x, 'y> Tail<'a, 'x, 'y, K, A::Visitor, W>: Kernel<Output = ()>,
 {
-    let Some(wide) = structure.layout.get() else { return };
+    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
+    let mut block = [0.0; BLOCK_WORDS];
     let Batch { class, rays, slots, order } = batch;
     prepare(simd, structure, class, rays, slots, room);
     let backward = class.backward();
@@ -167,30 +171,31 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
         match list.child.kind() {
             ChildKind::Inner { node } if list.len > FEW && !full => {
                 let Some(node) = wide.nodes.get(node) else { return };
-                let (met, entry) = test(simd, node, backward, list, room);
+                let (met, entry) = test::<K, S, W>(simd, node, backward, list, room);
                 if A::NEAREST_FIRST {
                     let key = match order {
                         Order::Entry => entry,
-                        Order::Corner => corners(simd, node, class),
+                        Order::Corner => corners::<K, S, W>(simd, node, class),
                     };
-                    deal_nearest_first(simd, wide, node, met, key, list, room);
+                    deal_nearest_first::<K, S, W>(simd, wide, node, met, key, list, room);
                 } else {
-                    deal_largest_first(simd, wide, node, met, list, room);
+                    deal_largest_first::<K, S, W>(simd, wide, node, met, list, room);
                 }
             }
             ChildKind::Leaf { first, count } if first < wide.triangles => {
                 let bounds = wide
                     .nodes
                     .get(list.node as usize)
-                    .map_or(structure.bounds, |node| node.bounds(list.slot as usize));
-                let block = Leaf { rows: wide.block(first), count, bounds };
+                    .map_or(structure.bounds, |node| K::bounds(node, list.slot as usize));
+                let (rows, stride) = K::block(simd, K::leaf(&wide.words, first), count, &mut block);
+                let block = Leaf { rows, stride, count, bounds };
                 leaf(simd, structure, class, block, rays, list, answers, room);
             }
             _ if list.child == Child::END => {}
             _ => {
                 for i in 0..list.len {
                     let id = room.ids[list.start + i] as usize;
-                    one::<S, A, W>(simd, structure, class, rays, list.child, id, answers, room);
+                    one::<K, S, A, W>(simd, structure, class, rays, list.child, id, answers, room);
                 }
             }
         }
@@ -200,7 +205,7 @@ pub(crate) fn stream<'a, S, A, const W: usize>(
 /// Sends one ray on alone.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
-fn one<'a, S, A, const W: usize>(
+fn one<'a, K, S, A, const W: usize>(
     simd: S,
     structure: &'a Structure,
     class: Class,
@@ -210,9 +215,10 @@ fn one<'a, S, A, const W: usize>(
     answers: &mut A,
     room: &mut Room,
 ) where
+    K: Packing<W>,
     S: Simd,
     A: Answers<'a>,
-    for<'x, 'y> Tail<'a, 'x, 'y, A::Visitor, W>: Kernel<Output = ()>,
+    for<'x, 'y> Tail<'a, 'x, 'y, K, A::Visitor, W>: Kernel<Output = ()>,
 {
     let (record, rest) = (&mut room.records[id], &room.rest[id]);
     if record.0[T_MAX] < record.0[T_MIN] {
@@ -221,12 +227,24 @@ fn one<'a, S, A, const W: usize>(
     let slot = rest.slot as usize;
     let ray = &rays[slot];
     let mut visitor = answers.visitor(slot, record.0[T_MAX]);
-    simd.call(Tail::<_, W> { structure, record, rest, class, ray, child, visitor: &mut visitor });
+    let packing = PhantomData;
+    let visitor_of_ray = &mut visitor;
+    simd.call(Tail::<K, _, W> {
+        packing,
+        structure,
+        record,
+        rest,
+        class,
+        ray,
+        child,
+        visitor: visitor_of_ray,
+    });
     record.0[T_MAX] = answers.settle(slot, record.0[T_MAX], visitor);
 }
 
 /// A single ray below a child.
-pub(crate) struct Tail<'a, 'r, 'v, V, const W: usize> {
+pub(crate) struct Tail<'a, 'r, 'v, K, V, const W: usize> {
+    packing: PhantomData<K>,
     structure: &'a Structure,
     record: &'r Record,
     rest: &'r Rest,
@@ -238,14 +256,17 @@ pub(crate) struct Tail<'a, 'r, 'v, V, const W: usize> {
 
 macro_rules! tails {
     ($($width:literal)*) => {
-        $(impl<'a, V: Visitor<'a>> Kernel for Tail<'a, '_, '_, V, $width> {
+        $(impl<'a, K: Packing<$width>, V: Visitor<'a>> Kernel for Tail<'a, '_, '_, K, V, $width>
+        where
+            Layout: Get<K, $width>,
+        {
             type Output = ();
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, record, rest, class, ray, child, visitor } = self;
+                let Self { structure, record, rest, class, ray, child, visitor, .. } = self;
                 let prepared = prepared(record, rest, class, ray);
-                walk_from::<S, V, (), $width>(
+                walk_from::<K, S, V, (), $width>(
                     simd, structure, prepared, child, ray, visitor, &mut (),
                 );
             }
@@ -283,18 +304,19 @@ fn prepare<S: Simd>(
 /// Tests the list against a node; returns the children that any of its rays meets, and where the
 /// first of them does.
 #[inline(always)]
-fn test<S: Wide<W>, const W: usize>(
+fn test<K: Packing<W>, S: Wide<W>, const W: usize>(
     simd: S,
-    node: &Node<W>,
+    node: &K::Node,
     backward: [usize; 3],
     list: List,
     room: &mut Room,
 ) -> (u32, S::F) {
     let splat = |x: f32| S::F::splat(simd, x);
-    let first = |axis: usize| S::F::load(simd, &node.planes[axis][backward[axis] & 1]);
-    let last = |axis: usize| S::F::load(simd, &node.planes[axis][backward[axis] & 1 ^ 1]);
+    let first = |axis: usize| K::planes(simd, node, axis, backward[axis] & 1);
+    let last = |axis: usize| K::planes(simd, node, axis, backward[axis] & 1 ^ 1);
     let first = [first(0), first(1), first(2)];
     let last = [last(0), last(1), last(2)];
+    let slots = K::slots(node);
     let (mut met, mut nearest) = (0, splat(f32::INFINITY));
     let ids = &room.ids[list.start..list.start + list.len];
     let masks = &mut room.masks[..list.len + STEP];
@@ -306,7 +328,7 @@ fn test<S: Wide<W>, const W: usize>(
             entry = first[axis].sub(splat(ray[NEAR + axis])).mul(reciprocal).max(entry);
             exit = last[axis].sub(splat(ray[FAR + axis])).mul(reciprocal).min(exit);
         }
-        *mask = entry.le(exit);
+        *mask = entry.le(exit) & slots;
         nearest = entry.min_where(*mask, nearest);
         met |= *mask;
     }
@@ -316,21 +338,18 @@ fn test<S: Wide<W>, const W: usize>(
 
 /// Puts the rays of `list` that meet the child in `slot` on a list of their own.
 #[inline(always)]
-fn deal<S: Wide<W>, const W: usize>(
+fn deal<K: Packing<W>, S: Wide<W>, const W: usize>(
     simd: S,
-    wide: &WideTree<W>,
-    node: &Node<W>,
+    wide: &WideTree<W, K>,
+    node: &K::Node,
     slot: usize,
     list: List,
     start: usize,
     room: &mut Room,
 ) -> usize {
-    let child = node.children[slot % W];
+    let child = K::children(node)[slot % W];
     if let Some(node) = wide.nodes.get(child.0 as usize) {
-        simd.prefetch(&node.planes[0][0]);
-        simd.prefetch(&node.planes[1][0]);
-        simd.prefetch(&node.planes[2][0]);
-        simd.prefetch(&node.children);
+        K::prefetch(simd, node);
     }
     let mut end = start;
     let mut at = 0;
@@ -351,14 +370,18 @@ fn deal<S: Wide<W>, const W: usize>(
 
 /// How far along the mean direction of the class the nearest corner of each child lies.
 #[inline(always)]
-fn corners<S: Wide<W>, const W: usize>(simd: S, node: &Node<W>, class: Class) -> S::F {
+fn corners<K: Packing<W>, S: Wide<W>, const W: usize>(
+    simd: S,
+    node: &K::Node,
+    class: Class,
+) -> S::F {
     let [.., longest] = class.axes();
     let mut sum = S::F::splat(simd, 0.0);
     for axis in 0..3 {
         let backward = usize::from(class.backward()[axis] & 1);
         let size = if axis == usize::from(longest) { 1.0 } else { 0.5 };
         let share = S::F::splat(simd, if backward == 1 { -size } else { size });
-        sum = sum.add(share.mul(S::F::load(simd, &node.planes[axis][backward])));
+        sum = sum.add(share.mul(K::planes(simd, node, axis, backward)));
     }
     sum
 }
@@ -366,10 +389,10 @@ fn corners<S: Wide<W>, const W: usize>(simd: S, node: &Node<W>, class: Class) ->
 /// Smaller keys last.
 #[inline(always)]
 #[allow(clippy::too_many_arguments, reason = "one step of one loop, cut out to be read")]
-fn deal_nearest_first<S: Wide<W>, const W: usize>(
+fn deal_nearest_first<K: Packing<W>, S: Wide<W>, const W: usize>(
     simd: S,
-    wide: &WideTree<W>,
-    node: &Node<W>,
+    wide: &WideTree<W, K>,
+    node: &K::Node,
     met: u32,
     key: S::F,
     list: List,
@@ -393,16 +416,16 @@ fn deal_nearest_first<S: Wide<W>, const W: usize>(
     }
     let mut end = list.start + list.len;
     for &(_, slot) in &sorted[..count] {
-        end = deal(simd, wide, node, slot, list, end, room);
+        end = deal::<K, S, W>(simd, wide, node, slot, list, end, room);
     }
 }
 
 /// Larger children last.
 #[inline(always)]
-fn deal_largest_first<S: Wide<W>, const W: usize>(
+fn deal_largest_first<K: Packing<W>, S: Wide<W>, const W: usize>(
     simd: S,
-    wide: &WideTree<W>,
-    node: &Node<W>,
+    wide: &WideTree<W, K>,
+    node: &K::Node,
     met: u32,
     list: List,
     room: &mut Room,
@@ -412,7 +435,7 @@ fn deal_largest_first<S: Wide<W>, const W: usize>(
     while rest != 0 {
         let slot = rest.trailing_zeros() as usize % W;
         rest &= rest - 1;
-        end = deal(simd, wide, node, slot, list, end, room);
+        end = deal::<K, S, W>(simd, wide, node, slot, list, end, room);
     }
 }
 
@@ -448,7 +471,9 @@ fn leaf<'a, S: Simd, A: Answers<'a>>(
 /// The triangles of a leaf, in rows.
 #[derive(Clone, Copy)]
 struct Leaf<'a> {
-    rows: &'a [f32; BLOCK_WORDS],
+    rows: &'a Block,
+    /// How far the rows are apart.
+    stride: usize,
     count: usize,
     /// Around them.
     bounds: Aabb,
@@ -468,7 +493,7 @@ impl Leaf<'_> {
 
     #[inline(always)]
     fn word(&self, row: usize, triangle: usize) -> f32 {
-        self.rows.get(row * self.count + triangle).copied().unwrap_or(0.0)
+        self.rows.get(row * self.stride + triangle).copied().unwrap_or(0.0)
     }
 }
 
@@ -490,10 +515,10 @@ fn leaf_of_one<'a, S: Simd, A: Answers<'a>>(
     let ray = prepared(record, rest, class, &rays[slot]);
     let range = Interval { entry: record.0[T_MIN], exit: record.0[T_MAX] };
     let (slab, clip) = (&ray.slab, &Interval::ALL);
-    let Leaf { rows, count, .. } = leaf;
+    let Leaf { rows, stride, count, .. } = leaf;
     let ray = (&ray.triangle, slab);
-    let hits = simd.apply::<BlockTest<'_, _>>((rows, count), ray, clip, (range.entry, range.exit));
-    let mut mask = hits.mask;
+    let hits = simd.apply::<BlockTest<'_, _>>((rows, stride), ray, clip, (range.entry, range.exit));
+    let mut mask = hits.mask & ((1 << count) - 1);
     if mask == 0 {
         return;
     }

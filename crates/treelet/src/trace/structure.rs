@@ -3,7 +3,9 @@
 use super::slack::Slack;
 use crate::bounds::Aabb;
 use crate::geometry::Mesh;
-use crate::layout::wide::Wide;
+use crate::layout::compact::Compact;
+use crate::layout::packing::Packing;
+use crate::layout::wide::{Plain, Wide};
 use crate::math::Affine;
 use crate::simd::Checked;
 use alloc::sync::Arc;
@@ -14,35 +16,32 @@ use alloc::vec::Vec;
 pub(crate) enum Layout {
     Wide8(Wide<8>),
     Wide16(Wide<16>),
+    Compact(Wide<16, Compact>),
 }
 
-/// The layout as the walk of one width sees it.
-pub(crate) trait Get<const W: usize> {
+/// The layout as the walk of one packing and width sees it.
+pub(crate) trait Get<K: Packing<W>, const W: usize> {
     /// `None` if the layout is another one.
-    fn get(&self) -> Option<&Wide<W>>;
+    fn get(&self) -> Option<&Wide<W, K>>;
 }
 
-impl Get<8> for Layout {
-    #[inline(always)]
-    fn get(&self) -> Option<&Wide<8>> {
-        if let Self::Wide8(wide) = self { Some(wide) } else { None }
-    }
+macro_rules! get {
+    ($($name:ident: $packing:ident $width:literal)*) => {
+        $(impl Get<$packing, $width> for Layout {
+            #[inline(always)]
+            fn get(&self) -> Option<&Wide<$width, $packing>> {
+                if let Self::$name(wide) = self { Some(wide) } else { None }
+            }
+        })*
+    };
 }
 
-impl Get<16> for Layout {
-    #[inline(always)]
-    fn get(&self) -> Option<&Wide<16>> {
-        if let Self::Wide16(wide) = self { Some(wide) } else { None }
-    }
-}
+get! { Wide8: Plain 8 Wide16: Plain 16 Compact: Compact 16 }
 
 impl Layout {
-    /// Children of a node, at most.
-    pub(crate) fn width(&self) -> usize {
-        match self {
-            Self::Wide8(_) => 8,
-            Self::Wide16(_) => 16,
-        }
+    /// Whether a walk can go from one to the other.
+    pub(crate) fn is_as(&self, other: &Self) -> bool {
+        core::mem::discriminant(self) == core::mem::discriminant(other)
     }
 
     /// Bytes that walks read.
@@ -50,14 +49,7 @@ impl Layout {
         match self {
             Self::Wide8(wide) => wide.bytes(),
             Self::Wide16(wide) => wide.bytes(),
-        }
-    }
-
-    /// Triangles in leaves: entries from here on are instances.
-    pub(crate) fn triangles(&self) -> usize {
-        match self {
-            Self::Wide8(wide) => wide.triangles,
-            Self::Wide16(wide) => wide.triangles,
+            Self::Compact(wide) => wide.bytes(),
         }
     }
 }
@@ -108,6 +100,8 @@ pub(crate) struct Structure {
     pub(crate) reach: Aabb,
     /// The same, as lanes: `x, y, z, z` of both corners.
     pub(crate) reach_lanes: [[f32; 4]; 2],
+    /// Whether rays may be [`Ordinary`](crate::geometry::triangle::Ordinary) here.
+    pub(crate) ordinary: bool,
     pub(crate) slack: Slack,
     /// Whether a primitive, here or in an instance, lies in several leaves.
     pub(crate) repeats: bool,
@@ -151,7 +145,7 @@ impl core::fmt::Debug for Structure {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.debug_struct("Structure")
             .field("geometries", &self.geometries.len())
-            .field("triangles", &self.layout.triangles())
+            .field("bytes", &self.layout.bytes())
             .field("instances", &self.instances.len())
             .field("paths", &self.paths)
             .field("bounds", &self.bounds)

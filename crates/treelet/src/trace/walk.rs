@@ -16,11 +16,13 @@ use super::instance::{InstanceLeaf, Opened};
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::geometry::block::{self, BlockTest};
+use crate::geometry::block;
+use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
 use crate::simd::{Kernel, Wide};
+use core::marker::PhantomData;
 use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
@@ -51,9 +53,9 @@ pub(crate) struct Found<'a> {
 
 /// A level of the walk.
 #[derive(Clone, Copy)]
-pub(super) struct Frame<'a, const W: usize> {
+pub(super) struct Frame<'a, K: Packing<W>, const W: usize> {
     pub(super) structure: &'a Structure,
-    pub(super) wide: &'a WideTree<W>,
+    pub(super) wide: &'a WideTree<W, K>,
     pub(super) ray: Prepared,
     /// Rank of the path to this level.
     pub(super) inst: u64,
@@ -63,27 +65,28 @@ pub(super) struct Frame<'a, const W: usize> {
 const FRAMES_NEAR: usize = 2;
 /// Shows the visitor every hit of a ray that it could want, in no particular order.
 #[inline(always)]
-pub(crate) fn walk<'a, S, V, C, const W: usize>(
+pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
     simd: S,
     structure: &'a Structure,
     ray: &Ray,
     visitor: &mut V,
     counters: &mut C,
 ) where
+    K: Packing<W>,
     S: Wide<W>,
-    Layout: Get<W>,
-    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
+    Layout: Get<K, W>,
+    for<'d, 's> Descent<'d, 's, K, V::Pending, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = structure.layout.get() else { return };
+    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
-    walk_from(simd, structure, prepared, wide.root, ray, visitor, counters);
+    walk_from::<K, S, V, C, W>(simd, structure, prepared, wide.root, ray, visitor, counters);
 }
 
 /// [`walk`] through what is below a child of the outermost level.
 #[inline(always)]
-pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
+pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
     simd: S,
     structure: &'a Structure,
     prepared: Prepared,
@@ -92,15 +95,16 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
     visitor: &mut V,
     counters: &mut C,
 ) where
+    K: Packing<W>,
     S: Wide<W>,
-    Layout: Get<W>,
-    for<'d, 's> Descent<'d, 's, V::Pending, V, C, W>: Kernel<Output = Child>,
+    Layout: Get<K, W>,
+    for<'d, 's> Descent<'d, 's, K, V::Pending, C, W>: Kernel<Output = Child>,
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = structure.layout.get() else { return };
+    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
-    let mut frames = Room::<Frame<'_, W>, FRAMES_NEAR>::new();
+    let mut frames = Room::<Frame<'_, K, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
@@ -110,9 +114,9 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
         loop {
             if next.is_inner() {
                 let (nodes, slab) = (&*frame.wide.nodes, &frame.ray.slab);
-                let (visitor, stack, t_min) = (&*visitor, &mut stack, ray.t_min);
-                let counters = &mut *counters;
-                let way = Descent { nodes, slab, t_min, visitor, stack, counters, next };
+                let (stack, counters) = (&mut stack, &mut *counters);
+                let range = (ray.t_min, visitor.t_max());
+                let way = Descent::<K, _, _, W> { nodes, slab, range, stack, counters, next };
                 next = simd.call(way);
             }
             let (first, count) = match next.kind() {
@@ -124,16 +128,15 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
             };
             if first < frame.wide.triangles {
                 counters.leaf(count);
-                let rows = frame.wide.block(first);
+                let leaf = K::leaf(&frame.wide.words, first);
                 let Prepared { triangle, slab, clip, .. } = &frame.ray;
                 let range = (ray.t_min, visitor.t_max());
-                let hits =
-                    simd.apply::<BlockTest<'_, _>>((rows, count), (triangle, slab), clip, range);
+                let hits = K::hits(simd, leaf, count, (triangle, slab), clip, range);
                 let mut mask = hits.mask;
                 while mask != 0 {
                     let lane = mask.trailing_zeros() as usize % block::LANES;
                     mask &= mask - 1;
-                    let id = rows[9 * count + lane].to_bits();
+                    let id = K::id(leaf, count, lane);
                     let (t, u, v) = (hits.t[lane], hits.u[lane], hits.v[lane]);
                     // A hit nearer than this one may have been found in another lane.
                     if t > visitor.t_max() || !frame.structure.sees(id, ray.mask) {
@@ -144,7 +147,7 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
                         return;
                     }
                 }
-                next = pop(visitor, &mut stack, counters);
+                next = pop(visitor.t_max(), &mut stack, counters);
                 continue;
             }
 
@@ -156,7 +159,7 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
             if next == Child::END {
                 let Some(outer) = frames.pop() else { return };
                 frame = outer;
-                next = pop(visitor, &mut stack, counters);
+                next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             }
             let leaf = InstanceLeaf {
@@ -164,13 +167,14 @@ pub(crate) fn walk_from<'a, S, V, C, const W: usize>(
                 first,
                 count,
                 ray,
-                visitor: &*visitor,
+                t_max: visitor.t_max(),
                 counters: &mut *counters,
+                pending: PhantomData,
             };
             match simd.call(leaf) {
                 Opened::Several(instances, count) => {
                     instances.iter().take(count).for_each(|pending| stack.push(*pending));
-                    next = pop(visitor, &mut stack, counters);
+                    next = pop(visitor.t_max(), &mut stack, counters);
                 }
                 Opened::One(inner) => {
                     stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
