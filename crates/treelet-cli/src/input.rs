@@ -29,6 +29,10 @@ pub(crate) struct SceneFlags {
     #[arg(long, value_name = "N")]
     pub(crate) max_ratio: Option<u64>,
 
+    /// Which scene of a file of several, counted from 0 [default: the one that it shows].
+    #[arg(long, value_name = "N")]
+    pub(crate) scene_number: Option<u64>,
+
     /// The axis that points up [default: y for glTF and OBJ, z for STL, for PLY the shorter of y
     /// and z].
     #[arg(long, value_enum)]
@@ -88,7 +92,7 @@ impl SceneFlags {
                 max_ratio: self.max_ratio.unwrap_or(usual.max_ratio),
             },
             cancel: session.cancel.clone(),
-            scene: None,
+            scene: self.scene_number.map(|number| number.to_string()),
             progress: None,
         }
     }
@@ -99,7 +103,12 @@ impl SceneFlags {
         if self.allow_outside {
             words += " --allow-outside";
         }
-        for (flag, number) in [("--max-bytes", self.max_bytes), ("--max-ratio", self.max_ratio)] {
+        let numbers = [
+            ("--max-bytes", self.max_bytes),
+            ("--max-ratio", self.max_ratio),
+            ("--scene-number", self.scene_number),
+        ];
+        for (flag, number) in numbers {
             if let Some(number) = number {
                 words += &format!(" {flag} {number}");
             }

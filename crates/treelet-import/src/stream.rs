@@ -151,13 +151,15 @@ mod tests {
     use crate::options::Options;
 
     /// A grid of quads, split or not, as a binary PLY in either byte order.
+    /// With `extra` columns lists count in two bytes.
     fn ply(big: bool, side: u32, is_split: bool, extra: &str) -> Vec<u8> {
+        let count = if extra.is_empty() { "uchar" } else { "ushort" };
         let order = if big { "big" } else { "little" };
         let faces = if is_split { 2 * side * side } else { side * side };
         let vertices = (side + 1) * (side + 1);
         let mut bytes = format!(
             "ply\nformat binary_{order}_endian 1.0\nelement vertex {vertices}\n{extra}property float \
-             x\nproperty float y\nproperty float z\nelement face {faces}\nproperty list uchar int \
+             x\nproperty float y\nproperty float z\nelement face {faces}\nproperty list {count} int \
              vertex_indices\nend_header\n"
         )
         .into_bytes();
@@ -179,7 +181,12 @@ mod tests {
             let faces =
                 if is_split { vec![vec![a, b, c], vec![a, c, d]] } else { vec![vec![a, b, c, d]] };
             for face in faces {
-                bytes.push(face.len() as u8);
+                let len = face.len() as u8;
+                match (extra.is_empty(), big) {
+                    (true, _) => bytes.push(len),
+                    (false, true) => bytes.extend([0, len]),
+                    (false, false) => bytes.extend([len, 0]),
+                }
                 for vertex in face {
                     let word = vertex.to_le_bytes();
                     let turned = [word[3], word[2], word[1], word[0]];

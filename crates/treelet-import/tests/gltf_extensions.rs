@@ -86,9 +86,8 @@ fn copies_of_a_node() {
         {"attributes":{"TRANSLATION":0,"SCALE":0}}}}"#;
     let got = model("a.glb", square_glb(node, ""));
     assert_eq!((got.objects.len(), got.placements.len()), (1, 4));
-    // Copy 2 is moved and scaled by (1, 1, 0).
-    let want = LOWER.map(|[x, y, _]| [11.0 + x, 1.0 + y, 0.0]);
-    assert_eq!(soup(&got)[4], want);
+    // Copy 1 is moved and scaled by (1, 0, 0).
+    assert_eq!(soup(&got)[2], LOWER.map(|[x, _, _]| [11.0 + x, 0.0, 0.0]));
     let uneven = node.replace(r#""SCALE":0"#, r#""SCALE":2"#);
     let more = r#","x":0"#;
     let file = square_glb(&uneven, more);

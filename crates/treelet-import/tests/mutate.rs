@@ -100,9 +100,11 @@ fn mutate(bytes: &mut Vec<u8>, random: &mut Random) {
                 bytes.splice(at..end, word.to_le_bytes());
             }
             _ => {
-                // A digit for a digit keeps text readable and makes it wrong.
+                // Digits for a digit keep text readable and make it wrong, or huge.
                 if let Some(digit) = bytes[at..].iter().position(u8::is_ascii_digit) {
-                    bytes[at + digit] = b'0' + random.below(10) as u8;
+                    let number = ["0", "1", "7", "30", "900", "30000", "5000000", "900000000"];
+                    let number = number[random.below(number.len())].bytes();
+                    bytes.splice(at + digit..=at + digit, number);
                 }
             }
         }

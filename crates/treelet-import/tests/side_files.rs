@@ -285,3 +285,29 @@ fn pictures_of_material_libraries() {
     // A coordinate that leads nowhere harms no shape.
     assert_eq!(model.objects[0].parts[1].mesh.triangles().len(), 1);
 }
+
+#[test]
+fn large_files_tell_how_far_they_are() {
+    use std::sync::{Arc, Mutex};
+    let folder = folder("progress");
+    let corners = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]];
+    let many = vec![corners[0]; 200_000];
+    let file = folder.join("a.stl");
+    put(&file, common::binary_stl(b"", &many));
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let watcher = Arc::clone(&told);
+    let watch = treelet_import::Watch::new(move |progress| {
+        watcher.lock().expect("nobody panicked").push((progress.done, progress.total));
+    });
+    let options = Options { progress: Some(watch), ..Options::default() };
+    let model = load(&file, &options).unwrap_or_else(|error| panic!("{error}"));
+    // The bytes of a file that passes by do not count, only its arrays: 48 bytes a triangle.
+    let limits = Limits { max_bytes: 14 << 20, ..Limits::default() };
+    let small = load(&file, &Options { limits, ..Options::default() });
+    fs::remove_dir_all(&folder).expect("the folder can be removed");
+    assert_eq!(model.triangles_placed(), 200_000);
+    let told = told.lock().expect("nobody panicked");
+    assert!(told.len() >= 3 && told.is_sorted(), "{told:?}");
+    assert_eq!(told.last(), Some(&(10_000_084, 10_000_084)));
+    assert!(small.is_ok(), "{small:?}");
+}

@@ -254,8 +254,6 @@ impl Priced<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::layout::packing::Packing;
-    use crate::layout::wide::Plain;
     use super::super::Collapse;
     use super::super::lower::{Packed, lower};
     use super::super::wide::{ChildKind, Wide};
@@ -263,6 +261,8 @@ mod tests {
     use crate::bounds::Aabb;
     use crate::build::{Builder, Hploc};
     use crate::context::Context;
+    use crate::layout::packing::Packing;
+    use crate::layout::wide::Plain;
 
     /// What is to fill the slots of one wide node, by the definition; in any order.
     fn naive(tree: &Tree, leaves: &[usize], root: usize, width: usize) -> Vec<usize> {

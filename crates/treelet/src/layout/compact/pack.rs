@@ -143,12 +143,12 @@ impl Writer<'_> {
 
 #[cfg(test)]
 mod tests {
-    use crate::layout::Collapse;
     use super::{Compact, WIDTH, pack};
     use crate::bounds::Aabb;
     use crate::build::{BinnedSah, Builder};
     use crate::context::{Cancel, Context};
     use crate::geometry::mesh::COORDINATE_MAX;
+    use crate::layout::Collapse;
     use crate::layout::compact::Random;
     use crate::layout::lower::{Packed, lower};
     use crate::layout::packing::{Block, Packing};
