@@ -71,6 +71,18 @@ fn camera(scene: &Scene, from: [f32; 3], count: usize) -> Vec<Ray> {
         .collect()
 }
 
+/// Many rays end, or begin, within a bit of what they hit.
+fn ending(scene: &Scene, ray: Ray, random: &mut Random) -> Ray {
+    let Some(Hit { t, .. }) = scene.closest(&ray) else { return ray };
+    match random.below(12) {
+        0 => ray.up_to(t),
+        1 | 2 => ray.up_to(t.next_down()),
+        3 => ray.from(t),
+        4 => ray.from(t.next_up()),
+        _ => ray,
+    }
+}
+
 /// Rays that go together, as packets want them: narrow bundles of neighbours, from one point or from
 /// points near each other, one bundle a run or several in turn.
 fn bundles(scene: &Scene, count: usize) -> Vec<Ray> {
@@ -98,7 +110,7 @@ fn bundles(scene: &Scene, count: usize) -> Vec<Ray> {
             let to: [f32; 3] = std::array::from_fn(|a| target[a] - from[a]);
             let size = to.iter().fold(1e-3_f32, |size, x| size.max(x.abs()));
             let turned = to.map(|x| x + spread * size * random.between(-0.5, 0.5));
-            rays.push(Ray::new(origin, turned));
+            rays.push(ending(scene, Ray::new(origin, turned), &mut random));
         }
     }
     rays
