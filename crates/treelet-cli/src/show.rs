@@ -221,9 +221,8 @@ mod tests {
         let text = sixel(&picture());
         assert!(text.starts_with("\x1bPq\"1;1;20;7") && text.ends_with("\x1b\\\n"));
         // Two bands of two colours: 10 of all six rows, then 10 of one.
-        assert!(text.contains("#180!10~!10?$"), "{text}");
-        assert!(text.contains("#5!10?!10~$-"), "{text}");
-        assert!(text.contains("#180!10@!10?$"), "{text}");
+        assert!(text.contains("#5!10?!10~$#180!10~!10?$-"), "{text}");
+        assert!(text.contains("#5!10?!10@$#180!10@!10?$-"), "{text}");
     }
 
     #[test]

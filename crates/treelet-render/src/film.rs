@@ -152,8 +152,8 @@ impl Film {
                     }
                 }
                 let noise = (around[0] / around[1]).sqrt();
-                // NaN and infinity are noise.
-                few[tile as usize] || !(noise <= f64::from(limit))
+                // NaN is noise, too.
+                few[tile as usize] || noise > f64::from(limit) || noise.is_nan()
             })
             .collect()
     }

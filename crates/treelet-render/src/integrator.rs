@@ -197,7 +197,7 @@ impl World<'_> {
         if (vec3::dot(sample.direction, vertex.facing) > 0.0) != (wi[2] > 0.0) {
             return 0;
         }
-        let (value, pdf) = vertex.bsdf.eval(vertex.wo, wi);
+        let (value, pdf) = vertex.bsdf.eval(&vertex.odds, vertex.wo, wi);
         if color::max(value) <= 0.0 || color::max(sample.radiance) <= 0.0 {
             return 0;
         }

@@ -57,7 +57,7 @@ impl<'a> MapLight<'a> {
             (vec3::dot(axes[a], axes[b]) - if a == b { 1.0 } else { 0.0 }).abs()
         });
         let off = off.fold(0.0, |most: f32, x| if x <= most { most } else { x });
-        if !(off < TURN_ERROR) {
+        if off.is_nan() || off >= TURN_ERROR {
             let remedy = "its matrix must be a rotation or a mirror image";
             return Err(RenderError::Sky { factor: "environment turn", value: off, remedy });
         }

@@ -1,6 +1,6 @@
 //! A vertex of a path: the surface there, and where the path goes on.
 
-use crate::bsdf::Bsdf;
+use crate::bsdf::{Bsdf, Odds};
 use crate::color;
 use crate::frame::Frame;
 use crate::integrator::World;
@@ -19,6 +19,7 @@ pub(crate) struct Vertex<'a> {
     pub(crate) bsdf: Bsdf<'a>,
     pub(crate) frame: Frame,
     pub(crate) wo: [f32; 3],
+    pub(crate) odds: Odds,
     /// The geometric normal on the side of `wo`.
     pub(crate) facing: [f32; 3],
 }
@@ -39,12 +40,13 @@ impl<'a> Vertex<'a> {
         let frame = Frame::around(surface.shading_toward(back, facing));
         let wo = grazing_at_least(frame.to_local(back));
         let bsdf = world.materials.bsdf(&world.surfaces, &surface.on, outside, regular);
-        Self { surface, bsdf, frame, wo, facing }
+        let odds = bsdf.odds(wo);
+        Self { surface, bsdf, frame, wo, odds, facing }
     }
 
     /// Sends the path on; `false` if it ends here.
     pub(crate) fn scatter(&self, path: &mut Path, u_lobe: f32, u: [f32; 2]) -> bool {
-        let Some(scattered) = self.bsdf.sample(self.wo, u_lobe, u) else {
+        let Some(scattered) = self.bsdf.sample(&self.odds, self.wo, u_lobe, u) else {
             return false;
         };
         let mut direction = self.frame.to_world(scattered.wi);
@@ -57,7 +59,7 @@ impl<'a> Vertex<'a> {
             // Smooth glass tries again with the geometric normal, or its rim would be black.
             let frame = Frame::around(self.facing);
             let wo = grazing_at_least(frame.to_local(vec3::scale(path.ray.direction, -1.0)));
-            match self.bsdf.sample(wo, u_lobe, u) {
+            match self.bsdf.sample(&self.bsdf.odds(wo), wo, u_lobe, u) {
                 Some(again) if again.pdf == 0.0 => direction = frame.to_world(again.wi),
                 _ => return false,
             }

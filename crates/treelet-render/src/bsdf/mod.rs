@@ -87,9 +87,9 @@ pub(crate) struct Scattered {
     pub(crate) pdf: f32,
 }
 
-/// The probabilities of drawing from each lobe.
+/// The probabilities of drawing from each lobe, for one view.
 #[derive(Clone, Copy)]
-struct Odds {
+pub(crate) struct Odds {
     glass: f32,
     clear: f32,
     mirror: f32,
@@ -150,18 +150,17 @@ impl<'a> Bsdf<'a> {
     }
 
     /// Value times the cosine of `wi`, and the density with which [`Bsdf::sample`] draws `wi`.
-    /// `wo` is in the upper hemisphere.
-    pub(crate) fn eval(&self, wo: [f32; 3], wi: [f32; 3]) -> ([f32; 3], f32) {
+    /// `wo` is in the upper hemisphere, `odds` are those of it.
+    pub(crate) fn eval(&self, odds: &Odds, wo: [f32; 3], wi: [f32; 3]) -> ([f32; 3], f32) {
         if wo[2] <= 0.0 || wi[2] == 0.0 {
             return ([0.0; 3], 0.0);
         }
-        let odds = self.odds(wo);
         if wi[2] < 0.0 {
-            return self.eval_glass(wo, wi, &odds);
+            return self.eval_glass(wo, wi, odds);
         }
         let (mut value, mut pdf) = ([0.0; 3], 0.0);
         if self.glass > 0.0 {
-            (value, pdf) = self.eval_glass(wo, wi, &odds);
+            (value, pdf) = self.eval_glass(wo, wi, odds);
         }
 
         // The base under its coat, and what the metal's facets lose.
@@ -238,9 +237,9 @@ impl<'a> Bsdf<'a> {
         (out.min(back), out * back / (1.0 - self.clear * clear.mean(self.clear_roughness)))
     }
 
-    /// Lobes are chosen by about what they scatter.
+    /// Lobes are chosen by about what they scatter; to be found once for each view.
     #[inline]
-    fn odds(&self, wo: [f32; 3]) -> Odds {
+    pub(crate) fn odds(&self, wo: [f32; 3]) -> Odds {
         let luminance = color::luminance(self.color);
         let mut odds = Odds { glass: self.glass, clear: 0.0, mirror: 0.0, diffuse: 0.0 };
         if self.base > 0.0 {

@@ -13,10 +13,15 @@ struct Rough<'b, 'a> {
 }
 
 impl Bsdf<'_> {
-    /// Draws a direction for `wo` in the upper hemisphere; `None` absorbs. `u_lobe` and `u` are in
-    /// the unit interval and square, 1 excluded.
-    pub(crate) fn sample(&self, wo: [f32; 3], u_lobe: f32, u: [f32; 2]) -> Option<Scattered> {
-        let odds = self.odds(wo);
+    /// Draws a direction for `wo` in the upper hemisphere, whose odds are `odds`; `None` absorbs.
+    /// `u_lobe` and `u` are in the unit interval and square, 1 excluded.
+    pub(crate) fn sample(
+        &self,
+        odds: &Odds,
+        wo: [f32; 3],
+        u_lobe: f32,
+        u: [f32; 2],
+    ) -> Option<Scattered> {
         let mut choice = u_lobe;
         let wi = if choice < odds.glass {
             // What is left of the number chooses again.
@@ -32,7 +37,7 @@ impl Bsdf<'_> {
         } else {
             diffuse::sample(u)
         };
-        let (value, pdf) = self.eval(wo, wi);
+        let (value, pdf) = self.eval(odds, wo, wi);
         (pdf > 0.0 && pdf.is_finite()).then(|| Scattered {
             wi,
             weight: value.map(|v| v / pdf),

@@ -82,7 +82,7 @@ fn white_surfaces_lose_nothing() {
                 for i in 0..n {
                     let sampler = Sampler::new(21, 0, 0, i);
                     let weight = bsdf
-                        .sample(wo, sampler.pair(0)[0], sampler.pair(1))
+                        .sample(&bsdf.odds(wo), wo, sampler.pair(0)[0], sampler.pair(1))
                         .map_or(0.0, |scattered| f64::from(scattered.weight[1]));
                     sum += weight;
                     square += weight * weight;
@@ -117,14 +117,15 @@ fn samples_follow_their_density() {
         let mut told = [0.0; ROWS * COLUMNS];
         for i in 0..n {
             let sampler = Sampler::new(33, 0, 0, i);
-            if let Some(scattered) = bsdf.sample(wo, sampler.pair(0)[0], sampler.pair(1))
+            if let Some(scattered) =
+                bsdf.sample(&bsdf.odds(wo), wo, sampler.pair(0)[0], sampler.pair(1))
                 && scattered.pdf > 0.0
             {
                 drawn[cell(scattered.wi)] += 1.0 / f64::from(n);
             }
             let [z, turn] = sampler.pair(2);
             let w = direction(2.0 * z - 1.0, TAU * turn);
-            let (_, pdf) = bsdf.eval(wo, w);
+            let (_, pdf) = bsdf.eval(&bsdf.odds(wo), wo, w);
             told[cell(w)] += f64::from(pdf * 2.0 * TAU) / f64::from(n);
         }
         for (i, (drawn, told)) in drawn.iter().zip(&told).enumerate() {
@@ -149,8 +150,8 @@ fn both_directions_see_each_other_alike() {
             let ([a, phi], [b, psi]) = (sampler.pair(0), sampler.pair(1));
             let (cos_a, cos_b) = (0.1 + 0.9 * a, 0.1 + 0.9 * b);
             let (first, second) = (direction(cos_a, TAU * phi), direction(cos_b, TAU * psi));
-            let (there, _) = outside.eval(first, second);
-            let (back, _) = outside.eval(second, first);
+            let (there, _) = outside.eval(&outside.odds(first), first, second);
+            let (back, _) = outside.eval(&outside.odds(second), second, first);
             // Without the cosine of the direction that light comes from.
             let same = |a: f32, b: f32| (a - b).abs() <= 2e-3 * (a + b) + 1e-5;
             for c in 0..3 {
@@ -161,8 +162,8 @@ fn both_directions_see_each_other_alike() {
 
             // Through: `second` below the surface, and seen from there with the normal turned over.
             let flip = |w: [f32; 3]| [w[0], w[1], -w[2]];
-            let (there, _) = outside.eval(first, flip(second));
-            let (back, _) = inside.eval(second, flip(first));
+            let (there, _) = outside.eval(&outside.odds(first), first, flip(second));
+            let (back, _) = inside.eval(&inside.odds(second), second, flip(first));
             for c in 0..3 {
                 let (there, back) = (there[c] / cos_b, back[c] / cos_a * squared);
                 assert!(same(there, back), "{name} through, {first:?} {second:?}: {there} {back}");
