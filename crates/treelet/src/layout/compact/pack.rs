@@ -150,7 +150,7 @@ mod tests {
     use crate::geometry::mesh::COORDINATE_MAX;
     use crate::layout::Collapse;
     use crate::layout::compact::Random;
-    use crate::layout::lower::{Packed, lower};
+    use crate::layout::lower::{Packed, lower, split_leaves};
     use crate::layout::packing::{Block, Packing};
     use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Plain};
     use crate::simd::Scalar;
@@ -183,6 +183,7 @@ mod tests {
                         *packed = Packed { corners: corners[id as usize], id };
                     }
                 };
+                let tree = split_leaves(tree, &bounds, count);
                 let cancel = Cancel::default();
                 let wide = lower::<WIDTH>(&tree, count as u32, &source, Collapse::Optimal, &cancel);
                 let wide = wide.unwrap().wide;
