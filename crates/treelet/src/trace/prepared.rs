@@ -53,7 +53,12 @@ impl Prepared {
     ) -> Option<Self> {
         let o = S::F4::load(simd, &[origin[0], origin[1], origin[2], 0.0]).xyzz();
         let d = S::F4::load(simd, &[direction[0], direction[1], direction[2], 0.0]).xyzz();
-        let usual = within(simd, o, d, [Ordinary::COORDINATE_MAX, Ordinary::LENGTH_MIN, Ordinary::LENGTH_MAX]);
+        let usual = within(
+            simd,
+            o,
+            d,
+            [Ordinary::COORDINATE_MAX, Ordinary::LENGTH_MIN, Ordinary::LENGTH_MAX],
+        );
         if !usual && !within(simd, o, d, [f32::MAX, ray::SHORTEST, ray::LONGEST]) {
             return None;
         }

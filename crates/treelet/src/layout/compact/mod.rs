@@ -23,13 +23,14 @@
 //!
 //! | bytes  | field    | meaning                                                                      |
 //! |--------|----------|------------------------------------------------------------------------------|
-//! | 0..12  | least    | by axis: the least of the vertices' bits, as unsigned numbers                |
-//! | 12..18 | corners  | 4 bits each: which vertex; of four triangles, the first corners, the second, |
+//! | 0..9   | least    | by axis: the least of the vertices' bits, as unsigned numbers, without the   |
+//! |        |          | last 8 bits, which are taken as zero                                         |
+//! | 9..15  | names    | 4 bits each: which vertex; of four triangles, the first corners, the second, |
 //! |        |          | the third. The last triangle is there again where there are fewer            |
-//! | 18     | form     | `9 (x - 2) + 3 (y - 2) + (z - 2)` for `x`, `y` and `z` bytes a coordinate    |
-//! | 19     | id width | bytes of an id, less one                                                     |
-//! | 20..24 | least id |                                                                              |
-//! | 24..   | ids      | what each exceeds the least by                                               |
+//! | 15     | form     | `9 (x - 2) + 3 (y - 2) + (z - 2) + 32 (i - 1)` for `x`, `y` and `z` bytes a  |
+//! |        |          | coordinate and `i` bytes an id                                               |
+//! | 16..20 | least id |                                                                              |
+//! | 20..   | ids      | what each exceeds the least by                                               |
 //! | ..     | vertices | each once: by axis, what its bits exceed the least by                        |
 //!
 //! A leaf begins at a multiple of four bytes: that multiple is what its [`Child`] word says. What
@@ -174,9 +175,6 @@ impl Packing<WIDTH> for Compact {
         room: &'b mut Block,
     ) -> (&'b Block, usize) {
         leaf::decode(simd, leaf, count, room);
-        for triangle in 0..count.min(LEAF_MAX) {
-            room[9 * LEAF_MAX + triangle] = f32::from_bits(leaf::id(leaf, triangle));
-        }
         (room, LEAF_MAX)
     }
 }
