@@ -2,10 +2,13 @@
 //! must pass; continuous integration calls nothing else.
 
 mod architecture;
+mod counts;
 mod formatting;
 mod levels;
+mod limits;
 mod rivals;
 mod setup;
+mod size;
 mod step;
 mod test;
 
@@ -18,6 +21,9 @@ usage: cargo xtask <chore>
 
   test           set up, then every check: formatting, lints, features, tests, docs, architecture
   architecture   only: who may know whom, where `unsafe` may stand, whether the map is true
+  counts         only: instructions of the kernels under valgrind, against xtask/limits.toml;
+                 `counts --bless` writes them there
+  size           only: the size of the command as tests run it, likewise
   levels         only: tests at the instruction sets of other processors, NEON and WebAssembly's
   rivals         fetch what `treelet bench --against embree` needs";
 
@@ -27,6 +33,10 @@ fn main() -> ExitCode {
     let done = match words.as_slice() {
         ["test"] => test::run(&root()),
         ["architecture"] => architecture::run(&root()),
+        ["counts"] => counts::run(&root()),
+        ["counts", "--bless"] => counts::bless(&root()),
+        ["size"] => size::run(&root()),
+        ["size", "--bless"] => size::bless(&root()),
         ["levels"] => levels::run(&root()),
         ["rivals"] => rivals::run(&root()),
         ["help" | "--help" | "-h"] => {

@@ -1,12 +1,16 @@
 //! One announced, timed step of a chore.
 
+use std::fmt::Write as _;
+use std::fs::OpenOptions;
+use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::Instant;
+use std::time::{Instant, SystemTime, UNIX_EPOCH};
 
 /// Numbers the steps of a chore and stops at the first that fails.
 pub(crate) struct Steps {
-    done: usize,
+    /// What each step that passed is called, and its seconds.
+    done: Vec<(String, f64)>,
     total: usize,
     started: Instant,
 }
@@ -14,7 +18,7 @@ pub(crate) struct Steps {
 impl Steps {
     /// A chore of `total` steps.
     pub(crate) fn new(total: usize) -> Self {
-        Self { done: 0, total, started: Instant::now() }
+        Self { done: Vec::new(), total, started: Instant::now() }
     }
 
     /// Announces `title`, does `work`, says how long it took.
@@ -23,26 +27,43 @@ impl Steps {
         title: &str,
         work: impl FnOnce() -> Result<(), String>,
     ) -> Result<(), String> {
-        self.done += 1;
-        let place = format!("[{}/{}] {title}", self.done, self.total);
+        let place = format!("[{}/{}] {title}", self.done.len() + 1, self.total);
         eprintln!("\n{place}");
         let started = Instant::now();
         let outcome = work();
         let seconds = started.elapsed().as_secs_f64();
-        match outcome {
-            Ok(()) => eprintln!("{place}: passed in {seconds:.1} s"),
-            Err(reason) => {
-                return Err(format!("{place}: FAILED after {seconds:.1} s: {reason}"));
-            }
+        if let Err(reason) = outcome {
+            return Err(format!("{place}: FAILED after {seconds:.1} s: {reason}"));
         }
+        eprintln!("{place}: passed in {seconds:.1} s");
+        self.done.push((title.to_owned(), seconds));
         Ok(())
     }
 
-    /// The closing line.
-    pub(crate) fn finish(self) {
+    /// How long each took, also as lines at the end of `record`; and the closing line.
+    pub(crate) fn finish(self, record: &Path) {
+        eprintln!();
+        for (title, seconds) in &self.done {
+            eprintln!("  {title:44} {seconds:>7.1} s");
+        }
+        if let Err(error) = append(record, &self.done) {
+            eprintln!("  {}: {error}", record.display());
+        }
         let seconds = self.started.elapsed().as_secs_f64();
         eprintln!("\nall {} steps passed in {seconds:.1} s", self.total);
     }
+}
+
+/// Adds a line a step: seconds since 1970 at the end of all of them, its title, its seconds.
+fn append(record: &Path, steps: &[(String, f64)]) -> std::io::Result<()> {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |time| time.as_secs());
+    let lines = steps.iter().fold(String::new(), |mut lines, (title, seconds)| {
+        // Writing to a text does not fail.
+        let _ = writeln!(lines, "{now},{title},{seconds:.1}");
+        lines
+    });
+    let mut file = OpenOptions::new().create(true).append(true).open(record)?;
+    file.write_all(lines.as_bytes())
 }
 
 /// `cargo` with some arguments, run in `root`; its output goes where ours goes.
@@ -95,7 +116,7 @@ pub(crate) fn cargo_has(root: &Path, subcommand: &str) -> bool {
 }
 
 /// The cargo that runs us, without what it set for us alone.
-fn cargo_command(root: &Path) -> Command {
+pub(crate) fn cargo_command(root: &Path) -> Command {
     let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
     let mut command = Command::new(cargo);
     command.current_dir(root);
@@ -107,4 +128,27 @@ fn cargo_command(root: &Path) -> Command {
     }
     command.env_remove("CARGO_MANIFEST_DIR").env_remove("CARGO_MANIFEST_PATH");
     command
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Steps, append};
+    use std::fs;
+
+    #[test]
+    fn steps_that_passed_are_recorded_one_run_after_the_other() {
+        let record = std::env::temp_dir().join(format!("xtask-steps-{}", std::process::id()));
+        let mut steps = Steps::new(2);
+        steps.run("first", || Ok(())).unwrap();
+        let failure = steps.run("second", || Err("no".into())).unwrap_err();
+        steps.finish(&record);
+        append(&record, &[("later".into(), 12.34)]).unwrap();
+        let text = fs::read_to_string(&record).unwrap();
+        fs::remove_file(&record).unwrap();
+        assert!(failure.starts_with("[2/2] second: FAILED"), "{failure}");
+        let lines: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+        assert_eq!(lines.len(), 2, "{text}");
+        assert_eq!(lines[0][1..], ["first", "0.0"]);
+        assert_eq!(lines[1][1..], ["later", "12.3"]);
+    }
 }

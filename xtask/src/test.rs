@@ -6,8 +6,9 @@
 
 use std::path::Path;
 
+use crate::rivals::target;
 use crate::step::{Steps, cargo, cargo_has, cargo_with};
-use crate::{architecture, formatting, levels, setup};
+use crate::{architecture, counts, formatting, levels, setup, size};
 
 /// The profile of every step, as Cargo's options name it.
 const PROFILE: &str = "--profile=checked";
@@ -17,7 +18,7 @@ const DOC_FLAGS: &[(&str, &str)] = &[("RUSTDOCFLAGS", "-D warnings")];
 
 /// Runs every check.
 pub(crate) fn run(root: &Path) -> Result<(), String> {
-    let mut steps = Steps::new(10);
+    let mut steps = Steps::new(13);
     steps.run("set-up", || setup::run(root))?;
     // The checks that need no compiling come first.
     steps.run("architecture", || architecture::run(root))?;
@@ -28,13 +29,17 @@ pub(crate) fn run(root: &Path) -> Result<(), String> {
     })?;
     steps.run("the library without default features", || check(root, "--no-default-features"))?;
     steps.run("the library with all features", || check(root, "--all-features"))?;
-    steps.run("tests", || tests(root))?;
+    // Apart, so that the record tells what compiling takes.
+    steps.run("tests, compiled", || tests(root, &["--no-run"]))?;
+    steps.run("tests", || tests(root, &[]))?;
     steps.run("documentation tests", || cargo(root, &["test", "--workspace", PROFILE, "--doc"]))?;
     steps.run("documentation", || {
         cargo_with(root, &["doc", "--workspace", "--no-deps", PROFILE], DOC_FLAGS)
     })?;
+    steps.run("size of the command", || size::run_where_possible(root))?;
+    steps.run("instructions of the kernels", || counts::run_where_possible(root))?;
     steps.run("tests at other instruction sets", || levels::run_where_possible(root))?;
-    steps.finish();
+    steps.finish(&target(root).join("steps.csv"));
     Ok(())
 }
 
@@ -43,12 +48,13 @@ fn check(root: &Path, features: &str) -> Result<(), String> {
     cargo(root, &["check", "--package", "treelet", PROFILE, features])
 }
 
-/// The tests of every crate, by nextest where it is installed.
-fn tests(root: &Path) -> Result<(), String> {
-    if cargo_has(root, "nextest") {
-        cargo(root, &["nextest", "run", "--workspace", "--cargo-profile=checked"])
+/// The tests of every crate, by nextest where it is installed, with more arguments.
+fn tests(root: &Path, more: &[&str]) -> Result<(), String> {
+    let words: &[&str] = if cargo_has(root, "nextest") {
+        &["nextest", "run", "--workspace", "--cargo-profile=checked"]
     } else {
         eprintln!("  cargo-nextest is not installed; `cargo test` does the same, one crate a time");
-        cargo(root, &["test", "--workspace", PROFILE, "--lib", "--bins", "--tests"])
-    }
+        &["test", "--workspace", PROFILE, "--lib", "--bins", "--tests"]
+    };
+    cargo(root, &[words, more].concat())
 }

@@ -174,11 +174,11 @@ pub trait Engine: Send + Sync {
         Threading::Callers
     }
 
-    /// Gets ready to build with that many threads; not timed.
+    /// Gets ready to build and trace with that many threads; not timed.
     ///
     /// # Errors
     ///
-    /// The engine refuses.
+    /// The engine refuses; or it is missing with that many threads, and the others go on.
     fn prepare(&mut self, threads: usize) -> Result<(), EngineError> {
         let _ = threads;
         Ok(())

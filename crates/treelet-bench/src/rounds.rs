@@ -1,4 +1,4 @@
-//! Timing in rounds: every engine in turn, the order turned on from round to round, so that what
+//! Timing in rounds: every engine in turn, the order another one from round to round, so that what
 //! one leaves in the caches is not always found by the same neighbour.
 
 use std::sync::Mutex;
@@ -81,6 +81,24 @@ impl<'a> Work<'a> {
     }
 }
 
+/// In which order `count` engines take their turns in a round.
+///
+/// In `count` rounds, twice as many if that is odd, each stands at each place and comes right after
+/// each other one, all equally often. Turning the order on by one a round and running every other
+/// round backwards, which stood here first, never changed the order of two.
+///
+/// Source: E. J. Williams, "Experimental Designs Balanced for the Estimation of Residual Effects of
+/// Treatments", Australian Journal of Scientific Research A 2(2), 1949.
+pub(crate) fn turns(round: usize, count: usize) -> impl Iterator<Item = usize> {
+    let backwards = count % 2 == 1 && (round / count) % 2 == 1;
+    (0..count).map(move |place| {
+        let place = if backwards { count - 1 - place } else { place };
+        // 0, 1, -1, 2, -2 and so on, turned on by one a round.
+        let step = if place % 2 == 1 { place.div_ceil(2) } else { count - place / 2 };
+        (step + round) % count
+    })
+}
+
 /// Seconds for one time through the rays: `[work][round]`. Every work must have traced before.
 ///
 /// `stop` is asked between rounds; what was measured until then is given.
@@ -103,10 +121,7 @@ pub fn measure(
         if stop() {
             break;
         }
-        for place in 0..works.len() {
-            // The start moves on by one, and every other round runs backwards.
-            let turn = (place + round) % works.len();
-            let index = if round % 2 == 0 { turn } else { works.len() - 1 - turn };
+        for index in turns(round, works.len()) {
             seconds[index].push(works[index].trace(crew, times[index]));
         }
     }
@@ -118,8 +133,66 @@ mod tests {
     use super::{Rounds, Work, measure};
     use crate::crew::{Clock, Crew};
     use crate::engine::{Answer, Built, Bytes, Call, Pass, Question};
+    use std::sync::Mutex;
     use std::sync::atomic::{AtomicUsize, Ordering};
     use treelet::Ray;
+
+    /// Writes down its name, each time that its rays are traced.
+    struct Noting<'n>(usize, &'n Mutex<Vec<usize>>);
+
+    impl Built for Noting<'_> {
+        fn bytes(&self) -> Bytes {
+            Bytes::default()
+        }
+        fn calls(&self) -> Vec<Call> {
+            vec![Call::ONE]
+        }
+        fn pass<'a>(&'a self, _: Call, _: Question, _: &'a [Ray]) -> Box<dyn Pass + 'a> {
+            Box::new(Noting(self.0, self.1))
+        }
+    }
+
+    impl Pass for Noting<'_> {
+        fn trace(&mut self) {
+            self.1.lock().unwrap().push(self.0);
+        }
+        fn answers(&self, _: &mut Vec<Answer>) {}
+    }
+
+    /// Who traced, in order: `count` engines, twice as many rounds and one before them.
+    fn noted(count: usize) -> Vec<usize> {
+        let notes = Mutex::new(Vec::new());
+        let engines: Vec<_> = (0..count).map(|name| Noting(name, &notes)).collect();
+        let rays = [Ray::new([0.0; 3], [1.0; 3])];
+        let work = |engine| Work::new(engine, Call::ONE, Question::Any, &rays, 1);
+        let works: Vec<Work<'_>> = engines.iter().map(|engine| work(engine)).collect();
+        let crew = Crew::new(1, Clock::Wall).unwrap();
+        measure(&crew, &works, Rounds { count: 2 * count, seconds: 0.0 }, &|| false);
+        drop(works);
+        drop(engines);
+        notes.into_inner().unwrap()
+    }
+
+    #[test]
+    fn engines_take_turns_at_every_place_and_after_every_other() {
+        for count in 2..=5 {
+            let notes = noted(count);
+            let rounds = notes.chunks(count).skip(1);
+            assert_eq!(rounds.len(), 2 * count);
+            let mut places = vec![vec![0; count]; count];
+            let mut neighbours = vec![vec![0; count]; count];
+            for round in rounds {
+                round.iter().enumerate().for_each(|(place, &name)| places[name][place] += 1);
+                round.windows(2).for_each(|pair| neighbours[pair[0]][pair[1]] += 1);
+            }
+            assert_eq!(places, vec![vec![2; count]; count], "{notes:?}");
+            for (name, after) in neighbours.iter().enumerate() {
+                let expected: Vec<_> =
+                    (0..count).map(|other| 2 * u8::from(other != name)).collect();
+                assert_eq!(*after, expected, "{notes:?}");
+            }
+        }
+    }
 
     /// Counts how often rays were traced.
     struct Counting(AtomicUsize);

@@ -91,33 +91,43 @@ fn trace_table(group: &[&Trace], kind: Kind, order: Order, threads: usize) -> Ve
     lines
 }
 
-/// The marks.
+/// The marks: what is asked, what was measured, over how many cells, and what lacks.
 pub fn marks(marks: &[Mark]) -> Vec<String> {
+    let longest = marks.iter().map(|mark| mark.what.len()).max().unwrap_or(0);
     let mut lines = vec![format!(
-        "\n{:70} {:>5} {:>6} {:>13} {:>5} {:>6}  {}",
-        "mark", "asked", "mean", "95 %", "asked", "worst", "standing"
+        "\n{:longest$} {:>5} {:>6} {:>13} {:>5} {:>6} {:>13} {:>5}  standing",
+        "mark", "asked", "mean", "95 %", "asked", "worst", "95 %", "cells"
     )];
     for mark in marks {
-        let number =
-            |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.2}"));
         let interval =
-            mark.interval.map_or("-".to_owned(), |[low, high]| format!("{low:.2}..{high:.2}"));
+            |ends: Option<[f64; 2]>| ends.map_or("-".into(), |[a, b]| format!("{a:.2}..{b:.2}"));
         let standing = match mark.standing {
-            Standing::Met => "met".to_owned(),
-            Standing::NotMet => "NOT MET".to_owned(),
-            Standing::NotMeasured => "not measured".to_owned(),
+            Standing::Met => "met",
+            Standing::MetByInterval => "met by its interval only",
+            Standing::NotMet => "NOT MET",
+            Standing::NotMeasured => "not measured",
         };
-        let place =
-            mark.worst_scene.as_deref().map_or(String::new(), |scene| format!(" ({scene})"));
+        let place = mark.worst_scene.iter().map(|scene| format!(", worst in {scene}"));
+        let lacking = mark.lacking.iter().map(|lacking| match mark.cells {
+            0 => format!(": {lacking}"),
+            _ => format!(" (somewhere {lacking})"),
+        });
         lines.push(format!(
-            "{:70} {:>5.2} {:>6} {:>13} {:>5} {:>6}  {standing}{place}",
+            "{:longest$} {:>5.2} {:>6} {:>13} {:>5} {:>6} {:>13} {:>5}  {standing}{}",
             mark.what,
             mark.mean_asked,
             number(mark.mean),
-            interval,
+            interval(mark.interval),
             number(mark.worst_asked),
             number(mark.worst),
+            interval(mark.worst_interval),
+            mark.cells,
+            place.chain(lacking).collect::<String>(),
         ));
     }
     lines
+}
+
+fn number(value: Option<f64>) -> String {
+    value.map_or("-".to_owned(), |value| format!("{value:.2}"))
 }

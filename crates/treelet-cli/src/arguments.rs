@@ -18,9 +18,9 @@ pub(crate) struct Arguments {
     #[arg(long, global = true)]
     pub(crate) json: bool,
 
-    /// Threads to work with [default: one for each core].
-    #[arg(long, global = true, value_name = "N")]
-    pub(crate) threads: Option<NonZeroUsize>,
+    /// Threads to work with [default: one for each core]; `bench` takes several numbers, such as 1,2.
+    #[arg(long, global = true, value_name = "N", value_delimiter = ',')]
+    pub(crate) threads: Vec<NonZeroUsize>,
 
     #[command(subcommand)]
     pub(crate) verb: Verb,

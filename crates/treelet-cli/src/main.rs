@@ -13,6 +13,7 @@ mod output;
 mod progress;
 mod ray_text;
 mod session;
+mod show;
 mod text;
 mod tree_flags;
 mod verb;

@@ -23,14 +23,16 @@ pub(crate) struct Session {
     pub(crate) cancel: Cancel,
     /// Threads at work.
     pub(crate) threads: usize,
-    /// Whether somebody asked for that many.
-    pub(crate) threads_asked: bool,
+    /// The numbers of threads that somebody asked for, one after the other; perhaps none.
+    pub(crate) threads_asked: Vec<usize>,
 }
 
 /// What a verb has to report, and how it ended.
 pub(crate) struct Outcome {
     /// The object for stdout, as text.
     pub(crate) json: String,
+    /// What stdout gets without --json.
+    pub(crate) text: Option<String>,
     pub(crate) ending: Ending,
 }
 
@@ -56,7 +58,12 @@ impl Outcome {
     /// A finished verb.
     pub(crate) fn new(verb: &str, body: &impl Serialize, ending: Ending) -> Result<Self, Failure> {
         let json = serde_json::to_string(&Envelope { schema: SCHEMA, verb: Some(verb), body })?;
-        Ok(Self { json, ending })
+        Ok(Self { json, text: None, ending })
+    }
+
+    /// With text for stdout, where no --json asks for the object.
+    pub(crate) fn with_text(self, text: String) -> Self {
+        Self { text: Some(text), ..self }
     }
 }
 
@@ -65,8 +72,8 @@ pub(crate) fn run(arguments: Arguments) -> ExitCode {
     let name = arguments.verb.name();
     let json = arguments.json;
     let outcome = start(arguments);
-    let (report, code) = match outcome {
-        Ok(Outcome { json, ending }) => (json, ending.code()),
+    let (report, text, code) = match outcome {
+        Ok(Outcome { json, text, ending }) => (json, text, ending.code()),
         Err(failure) => {
             let error = failure.lines();
             let code = failure.code();
@@ -74,10 +81,11 @@ pub(crate) fn run(arguments: Arguments) -> ExitCode {
             let body = FailureReport { exit_code: code, error };
             let envelope = Envelope { schema: SCHEMA, verb: Some(name), body: &body };
             // A report of strings and numbers always has a text.
-            (serde_json::to_string(&envelope).unwrap_or_default(), code)
+            (serde_json::to_string(&envelope).unwrap_or_default(), None, code)
         }
     };
-    if json && !print(&report) {
+    let wanted = if json { Some(report) } else { text };
+    if wanted.is_some_and(|text| !print(&text)) {
         return ExitCode::from(ERROR);
     }
     ExitCode::from(code)
@@ -122,15 +130,19 @@ pub(crate) fn refuse(words: &[OsString], message: &clap::Error) -> ExitCode {
 /// Prepares threads and cancelling, and runs the verb.
 fn start(arguments: Arguments) -> Result<Outcome, Failure> {
     let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(threads) = arguments.threads {
-        pool = pool.num_threads(threads.get());
+    let threads_asked: Vec<usize> = arguments.threads.iter().map(|n| n.get()).collect();
+    if threads_asked.len() > 1 && !arguments.verb.takes_several_thread_counts() {
+        let verb = arguments.verb.name();
+        return Err(Failure::Usage(format!(
+            "--threads: `{verb}` works with one number of threads; only `bench` tries several"
+        )));
+    }
+    if let Some(&threads) = threads_asked.iter().max() {
+        pool = pool.num_threads(threads);
     }
     let pool = pool.build()?;
-    let session = Session {
-        cancel: Cancel::new(),
-        threads: pool.current_num_threads(),
-        threads_asked: arguments.threads.is_some(),
-    };
+    let session =
+        Session { cancel: Cancel::new(), threads: pool.current_num_threads(), threads_asked };
     watch_for_interrupts(session.cancel.clone())?;
     pool.install(|| arguments.verb.run(&session))
 }

@@ -1,17 +1,45 @@
-//! Pinhole cameras.
+//! Cameras: perspective, with a pinhole or a thin lens, and orthographic.
 
 use treelet::bounds::Aabb;
 use treelet::math::{Affine, vec3};
 
-/// A pinhole camera. It looks down its own -z axis, x to the right, y up, as in glTF.
+/// A camera. It looks down its own -z axis, x to the right, y up, as in glTF.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     /// As the file names it; may be empty.
     pub name: String,
     /// Takes camera space to the world; a rigid motion.
     pub world_from_camera: Affine,
-    /// The angle between the top and the bottom edge of the picture, radians, in `0 .. pi`.
-    pub vertical_fov: f32,
+    /// What it sees.
+    pub view: View,
+    /// The lens; without one all is sharp.
+    pub lens: Option<Lens>,
+    /// Pixels in a row and rows that the file asks for.
+    pub resolution: Option<[u32; 2]>,
+}
+
+/// What a camera sees.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum View {
+    /// Far things are small.
+    Perspective {
+        /// The angle between the top and the bottom edge of the picture, radians, in `0 .. pi`.
+        vertical_fov: f32,
+    },
+    /// Far things are as large as near ones.
+    Orthographic {
+        /// Between the top and the bottom edge of the picture, in the world's lengths, above 0.
+        height: f32,
+    },
+}
+
+/// A thin lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lens {
+    /// Half its width, in the world's lengths, at least 0.
+    pub radius: f32,
+    /// How far in front of the camera, along its axis, things are sharp; above 0.
+    pub focus_distance: f32,
 }
 
 impl Camera {
@@ -33,7 +61,9 @@ impl Camera {
         world_from_camera.is_finite().then_some(Self {
             name: String::new(),
             world_from_camera,
-            vertical_fov,
+            view: View::Perspective { vertical_fov },
+            lens: None,
+            resolution: None,
         })
     }
 
@@ -49,9 +79,7 @@ impl Camera {
         toward[(up + 2) % 3] = 0.55;
         let mut upright = [0.0; 3];
         upright[up] = 1.0;
-        let origin =
-            Self { name: String::new(), world_from_camera: Affine::IDENTITY, vertical_fov };
-        let turned = Self::look_at(toward, [0.0; 3], upright, vertical_fov).unwrap_or(origin);
+        let turned = Self::look_at(toward, [0.0; 3], upright, vertical_fov).unwrap_or_default();
 
         // In f64 about the middle of the box, in units of its size, so that nothing overflows.
         let center = bounds.center();
@@ -91,9 +119,31 @@ impl Camera {
         Self { world_from_camera, ..turned }
     }
 
+    /// The angle between the top and the bottom edge of the picture, radians; for an orthographic
+    /// camera, that of the perspective one which sees as much at distance `depth`.
+    pub fn vertical_fov(&self, depth: f32) -> f32 {
+        match self.view {
+            View::Perspective { vertical_fov } => vertical_fov,
+            View::Orthographic { height } => 2.0 * libm::atanf(0.5 * height / depth),
+        }
+    }
+
     /// Where the camera stands.
     pub fn position(&self) -> [f32; 3] {
         self.world_from_camera.0.map(|row| row[3])
+    }
+}
+
+impl Default for Camera {
+    /// At the origin, with a view of 0.7 radians.
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            world_from_camera: Affine::IDENTITY,
+            view: View::Perspective { vertical_fov: 0.7 },
+            lens: None,
+            resolution: None,
+        }
     }
 }
 
@@ -118,7 +168,7 @@ mod tests {
             for (up, aspect) in [(0, 1.0), (1, 1.78), (2, 0.5)] {
                 let camera = Camera::framing(&bounds, up, aspect);
                 let rows = camera.world_from_camera.0;
-                let half = libm::tanf(0.5 * camera.vertical_fov);
+                let half = libm::tanf(0.5 * camera.vertical_fov(1.0));
                 let mut widest = 0_f32;
                 for corner in 0..8 {
                     let corner = [0, 1, 2].map(|axis: usize| {

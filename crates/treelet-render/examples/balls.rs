@@ -40,7 +40,7 @@ pub fn scene() -> Model {
         [[-30.0, 0.0, 30.0], [30.0, 0.0, 30.0], [30.0, 0.0, -30.0], [-30.0, 0.0, -30.0]],
         [[0, 1, 2], [0, 2, 3]],
     );
-    let floor = Part { mesh, normals: None, material: 0 };
+    let floor = Part::new(mesh, 0);
     let mut model = Model {
         objects: vec![Object { name: "floor".into(), parts: vec![floor] }],
         placements: vec![Placement { object: 0, world_from_object: Affine::IDENTITY }],
@@ -59,7 +59,8 @@ pub fn scene() -> Model {
     ];
     let (mesh, normals) = ball(64);
     for (material, at, radius) in places {
-        let part = Part { mesh: mesh.clone(), normals: Some(normals.clone().into()), material };
+        let part =
+            Part { normals: Some(normals.clone().into()), ..Part::new(mesh.clone(), material) };
         let world_from_object = Affine::translation(at).then_from(&Affine::scaling([radius; 3]));
         model.placements.push(Placement { object: model.objects.len(), world_from_object });
         model.objects.push(Object { name: "ball".into(), parts: vec![part] });

@@ -5,6 +5,7 @@ use crate::error::RenderError;
 use crate::heat::{self, Ramp};
 use crate::image::Image;
 use crate::renderer::Renderer;
+use crate::tonemap::srgb8;
 use rayon::prelude::*;
 use treelet::{Cancel, Counters};
 
@@ -13,6 +14,10 @@ use treelet::{Cancel, Counters};
 pub enum Aov {
     /// The shading normal in the world, -1 ..= 1 as 0 ..= 255 in each channel; black where nothing is.
     Normal,
+    /// About the share of white light that comes back, by channel; white where nothing is.
+    Albedo,
+    /// A colour for each placement and part, no two neighbours alike; black where nothing is.
+    Ids,
     /// The distance from the eye, near is light.
     Depth,
     /// How many nodes of the tree the ray entered.
@@ -35,6 +40,8 @@ pub struct Info {
 /// Everything that can be shown instead of light.
 pub const ALL: &[Info] = &[
     Info { aov: Aov::Normal, name: "normal", summary: "shading normals in the world" },
+    Info { aov: Aov::Albedo, name: "albedo", summary: "the surface's own colour" },
+    Info { aov: Aov::Ids, name: "ids", summary: "a colour for each placed part" },
     Info { aov: Aov::Depth, name: "depth", summary: "distance from the eye, with a scale" },
     Info { aov: Aov::Visits, name: "visits", summary: "tree nodes a ray enters, as a heat map" },
     Info { aov: Aov::Tests, name: "tests", summary: "triangle tests of a ray, as a heat map" },
@@ -62,6 +69,16 @@ impl Renderer<'_> {
                 self.fill(image.pixels_mut(), cancel, |x, y| self.normal(x, y))?;
                 Ok(image)
             }
+            Aov::Albedo => {
+                let mut image = Image::filled(width, height, [0; 3])?;
+                self.fill(image.pixels_mut(), cancel, |x, y| self.albedo(x, y))?;
+                Ok(image)
+            }
+            Aov::Ids => {
+                let mut image = Image::filled(width, height, [0; 3])?;
+                self.fill(image.pixels_mut(), cancel, |x, y| self.id_color(x, y))?;
+                Ok(image)
+            }
             Aov::Depth => {
                 scaled(self.values(cancel, |x, y| self.depth(x, y))?, Ramp::Near, "DISTANCE")
             }
@@ -78,14 +95,27 @@ impl Renderer<'_> {
 
     fn normal(&self, x: u32, y: u32) -> [u8; 3] {
         let ray = self.middle_ray(x, y);
-        let hit = self.world.placed.scene.closest(&ray);
+        let hit = self.world.closest(&ray, 0);
         let surface = hit.and_then(|hit| self.world.surface(&hit, ray.direction));
         surface.map_or([0; 3], |s| s.shading.map(|c| ((0.5 * c + 0.5) * 255.0 + 0.5) as u8))
     }
 
+    fn albedo(&self, x: u32, y: u32) -> [u8; 3] {
+        self.guide(&self.middle_ray(x, y)).0.map(srgb8)
+    }
+
+    fn id_color(&self, x: u32, y: u32) -> [u8; 3] {
+        let hit = self.world.closest(&self.middle_ray(x, y), 0);
+        hit.map_or([0; 3], |hit| {
+            let names = hit.inst << 20 ^ u64::from(hit.geom);
+            // Neither near black nor near white.
+            [0, 1, 2].map(|key| (70.0 + 170.0 * crate::sampler::hashed(names, key)) as u8)
+        })
+    }
+
     fn depth(&self, x: u32, y: u32) -> f32 {
         // The ray's direction is of unit length.
-        self.world.placed.scene.closest(&self.middle_ray(x, y)).map_or(f32::INFINITY, |hit| hit.t)
+        self.world.closest(&self.middle_ray(x, y), 0).map_or(f32::INFINITY, |hit| hit.t)
     }
 
     fn counters(&self, x: u32, y: u32) -> Counters {

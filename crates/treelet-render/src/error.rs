@@ -30,6 +30,69 @@ pub enum RenderError {
         /// The angle.
         radians: f32,
     },
+    /// An orthographic camera sees nothing.
+    #[error("the orthographic camera sees a height of {height}; it must be finite and above 0")]
+    ViewHeight {
+        /// The height.
+        height: f32,
+    },
+    /// A lens that cannot be.
+    #[error(
+        "the lens has radius {radius} and focus distance {focus_distance}; both must be finite, \
+         the radius at least 0 and the distance above 0"
+    )]
+    Lens {
+        /// Its radius.
+        radius: f32,
+        /// How far away things are sharp.
+        focus_distance: f32,
+    },
+    /// A texture names an image that is not there.
+    #[error("{owner} names image {image}, but the model has {images}")]
+    NoSuchImage {
+        /// Whose texture it is.
+        owner: String,
+        /// The image it names.
+        image: usize,
+        /// How many there are.
+        images: usize,
+    },
+    /// An image's pixels are not as many as its size says.
+    #[error(
+        "image {image} ({name:?}) should have {expected} pixels, at least one, and has {found}; \
+         decode it anew"
+    )]
+    ImagePixels {
+        /// Index of the image.
+        image: usize,
+        /// Its name.
+        name: String,
+        /// Width times height.
+        expected: u64,
+        /// How many there are.
+        found: u64,
+    },
+    /// A texture's transform has a number that is not finite.
+    #[error("{owner} has a texture transform that is not finite; give finite numbers")]
+    TextureTransform {
+        /// Whose texture it is.
+        owner: String,
+    },
+    /// A light's number is unfit.
+    #[error(
+        "light {light} ({name:?}) has {factor} {value}; strengths must be finite and not negative, \
+         places finite, directions not zero, angles from 0 to pi and the outer above 0"
+    )]
+    Light {
+        /// Index of the light.
+        light: usize,
+        /// Its name.
+        name: String,
+        /// Which number.
+        factor: &'static str,
+        /// Its value.
+        value: f32,
+    },
     /// A camera's matrix has a number that is not finite, or a column of length 0.
     #[error("the camera's matrix {rows:?} does not turn directions into directions; place it anew")]
     CameraMatrix {
@@ -66,18 +129,20 @@ pub enum RenderError {
         /// How many there are.
         materials: usize,
     },
-    /// A part's normals do not match its vertices.
+    /// A part's arrays do not match its vertices.
     #[error(
-        "part {part} of object {object} has {normals} normals for {vertices} vertices; \
+        "part {part} of object {object} has {count} {what} for {vertices} vertices; \
          give one a vertex, or none"
     )]
-    NormalCount {
+    AttributeCount {
         /// Index of the object.
         object: usize,
         /// Index of the part in its object.
         part: usize,
-        /// How many normals.
-        normals: usize,
+        /// Which array: its plural.
+        what: &'static str,
+        /// How many entries it has.
+        count: usize,
         /// How many vertices.
         vertices: usize,
     },
@@ -115,9 +180,14 @@ pub enum RenderError {
         /// Width and height of the renderer.
         renderer: [u32; 2],
     },
-    /// The PNG encoder refused.
-    #[error("the PNG encoder failed: {0}")]
-    Png(String),
+    /// An encoder refused.
+    #[error("the {format} encoder failed: {reason}; choose another format or size")]
+    Encoder {
+        /// Which.
+        format: &'static str,
+        /// What it says.
+        reason: String,
+    },
     /// The caller asked to stop; the film is as it was before the call.
     #[error("cancelled")]
     Cancelled,

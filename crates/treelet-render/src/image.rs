@@ -1,6 +1,8 @@
 //! Finished pictures: 8-bit sRGB, and their PNG encoding.
 
 use crate::error::RenderError;
+use crate::tonemap::ToneMap;
+use rayon::prelude::*;
 
 /// A picture of 8-bit sRGB pixels, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -23,6 +25,24 @@ impl Image {
             .map_err(|_| RenderError::OutOfMemory { bytes, what: "the picture" })?;
         rgb.resize(pixels, color);
         Ok(Self { width, height, rgb })
+    }
+
+    /// A picture of linear radiances, rows from the top, as a tone curve shows them.
+    ///
+    /// # Errors
+    /// If the size is not allowed, is not that of `radiance`, or memory is refused.
+    pub fn of_radiance(
+        width: u32,
+        height: u32,
+        radiance: &[[f32; 3]],
+        tone: &ToneMap,
+    ) -> Result<Self, RenderError> {
+        let mut image = Self::filled(width, height, [0; 3])?;
+        if image.rgb.len() != radiance.len() {
+            return Err(RenderError::ImageSize { width, height });
+        }
+        image.rgb.par_iter_mut().zip(radiance).for_each(|(pixel, &c)| *pixel = tone.rgb8(c));
+        Ok(image)
     }
 
     /// Pixels in a row.
@@ -66,7 +86,10 @@ impl Image {
     /// # Errors
     /// If the encoder refuses, which no picture that exists should cause.
     pub fn encode_png(&self) -> Result<Vec<u8>, RenderError> {
-        let refused = |error: png::EncodingError| RenderError::Png(error.to_string());
+        let refused = |error: png::EncodingError| RenderError::Encoder {
+            format: "PNG",
+            reason: error.to_string(),
+        };
         let mut bytes = Vec::new();
         let mut encoder = png::Encoder::new(&mut bytes, self.width, self.height);
         encoder.set_color(png::ColorType::Rgb);

@@ -1,27 +1,27 @@
 //! A picture in the making: checks everything once, then computes whole passes.
 
-use crate::bsdf::{Albedos, Bsdf};
-use crate::camera::Pinhole;
+use crate::camera::Eye;
 use crate::error::RenderError;
-use crate::film::Film;
+use crate::film::{Film, NO_SAMPLE, TILE};
 use crate::filter::Filter;
 use crate::image::check_size;
-use crate::integrator::{BROAD_ALPHA, PAIR_FILTER, World};
+use crate::integrator::{PAIR_FILTER, PAIR_LENS, World};
 use crate::light::Lights;
+use crate::material::Materials;
+use crate::outside::Outside;
 use crate::sampler::Sampler;
 use crate::settings::Settings;
-use crate::sky::{Environment, default_sky};
 use crate::surface::Surfaces;
 use rayon::prelude::*;
 use treelet::{Cancel, Ray};
-use treelet_model::{Camera, Material, Model, PlacedModel};
+use treelet_model::{Camera, Model, PlacedModel};
 
 /// Renders one model through one camera.
 #[derive(Clone, Debug)]
 pub struct Renderer<'a> {
     pub(crate) world: World<'a>,
     pub(crate) settings: Settings,
-    pinhole: Pinhole,
+    eye: Eye,
     filter: Filter,
 }
 
@@ -35,7 +35,8 @@ pub struct PassStats {
 impl<'a> Renderer<'a> {
     /// Prepares to render `model`, which `placed` was built from, as `camera` sees it.
     ///
-    /// Without a sky in the model, [`default_sky`] is used. Takes time and memory for tables of the
+    /// The model's environment is the light from outside, or else its sky, or else
+    /// [`crate::default_sky`]. Takes time and memory for tables of the
     /// materials and of the emissive triangles; 250 bytes a placement.
     ///
     /// # Errors
@@ -51,22 +52,13 @@ impl<'a> Renderer<'a> {
         if settings.up > 2 {
             return Err(RenderError::Up { axis: settings.up });
         }
-        let pinhole = Pinhole::new(camera, settings.width, settings.height)?;
-        model.materials.iter().enumerate().try_for_each(|(i, m)| check_material(i, m))?;
+        let eye = Eye::new(camera, settings.width, settings.height)?;
         let surfaces = Surfaces::new(model)?;
-        let environment = Environment::new(&default_sky(model, settings.up), settings.regularize)?;
-        let lights = Lights::new(&surfaces, &model.materials, environment)?;
-
-        let mut albedos = Albedos::default();
-        let bsdfs = model.materials.iter().map(|material| {
-            let plain = Bsdf::new(material, 0.0, &mut albedos);
-            let broad = Bsdf::new(material, BROAD_ALPHA, &mut albedos);
-            [plain, broad]
-        });
-        let bsdfs = bsdfs.collect();
-        let materials = &model.materials;
-        let world = World { placed, surfaces, materials, bsdfs, lights };
-        Ok(Self { world, settings, pinhole, filter: Filter::new() })
+        let materials = Materials::new(model, settings.regularize)?;
+        let outside = Outside::new(model, settings.up, settings.regularize)?;
+        let lights = Lights::new(&surfaces, &materials, &model.lights, outside)?;
+        let world = World { placed, surfaces, materials, lights };
+        Ok(Self { world, settings, eye, filter: Filter::new() })
     }
 
     /// The settings it was made with.
@@ -91,18 +83,64 @@ impl<'a> Renderer<'a> {
     /// [`RenderError::Cancelled`] within about a millisecond once `cancel` is raised, and
     /// [`RenderError::FilmSize`] for a film of another size. Either way the film is as it was.
     pub fn pass(&self, film: &mut Film, cancel: &Cancel) -> Result<PassStats, RenderError> {
+        self.check_film(film)?;
+        self.pass_where(film, cancel, |_, _| true)
+    }
+
+    /// Adds one sample to every pixel of the tiles that are noisier than `limit`, as
+    /// [`Film::noise`] measures it; `None` if there is none, and the film is as it was.
+    ///
+    /// Which tiles are left follows from the film alone, so this too is the same for any number of
+    /// threads. A tile that is left too early by luck is left for good: with the least of 16
+    /// samples a tile and its neighbours' noise counted in, that is rare and slight.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::pass`].
+    pub fn adaptive_pass(
+        &self,
+        film: &mut Film,
+        limit: f32,
+        cancel: &Cancel,
+    ) -> Result<Option<PassStats>, RenderError> {
+        self.check_film(film)?;
+        let noisy = film.noisy_tiles(limit);
+        if !noisy.contains(&true) {
+            return Ok(None);
+        }
+        let columns = film.width().div_ceil(TILE);
+        let wanted = |x: u32, y: u32| noisy[(y / TILE * columns + x / TILE) as usize];
+        self.pass_where(film, cancel, wanted).map(Some)
+    }
+
+    fn check_film(&self, film: &Film) -> Result<(), RenderError> {
         let renderer = [self.settings.width, self.settings.height];
         let found = [film.width(), film.height()];
-        if found != renderer {
-            return Err(RenderError::FilmSize { film: found, renderer });
+        if found == renderer {
+            Ok(())
+        } else {
+            Err(RenderError::FilmSize { film: found, renderer })
         }
-        let sample = film.passes();
-        let rays = film
-            .pending
-            .par_chunks_exact_mut(self.settings.width as usize)
+    }
+
+    /// A pass over the pixels that are wanted.
+    fn pass_where(
+        &self,
+        film: &mut Film,
+        cancel: &Cancel,
+        wanted: impl Fn(u32, u32) -> bool + Sync,
+    ) -> Result<PassStats, RenderError> {
+        let width = self.settings.width as usize;
+        let mut pending = core::mem::take(&mut film.pending);
+        let rays = pending
+            .par_chunks_exact_mut(width)
             .enumerate()
-            .map(|(y, row)| self.row(y as u32, sample, row, cancel))
-            .try_reduce(|| 0, |a, b| Ok(a + b))?;
+            .map(|(y, row)| {
+                let sample = |x: u32| film.count_at(y * width + x as usize);
+                self.row(y as u32, sample, &wanted, row, cancel)
+            })
+            .try_reduce(|| 0, |a, b| Ok(a + b));
+        film.pending = pending;
+        let rays = rays?;
         film.commit();
         Ok(PassStats { rays })
     }
@@ -110,7 +148,8 @@ impl<'a> Renderer<'a> {
     fn row(
         &self,
         y: u32,
-        sample: u32,
+        sample: impl Fn(u32) -> u32,
+        wanted: impl Fn(u32, u32) -> bool,
         row: &mut [[f32; 3]],
         cancel: &Cancel,
     ) -> Result<u64, RenderError> {
@@ -120,9 +159,13 @@ impl<'a> Renderer<'a> {
                 return Err(RenderError::Cancelled);
             }
             let x = x as u32;
-            let sampler = Sampler::new(self.settings.seed, x, y, sample);
-            let [dx, dy] = self.filter.offset(sampler.pair(PAIR_FILTER));
-            let ray = self.pinhole.ray(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy);
+            if !wanted(x, y) {
+                *pixel = NO_SAMPLE;
+                continue;
+            }
+            let sampler = Sampler::new(self.settings.seed, x, y, sample(x));
+            let lens = if self.eye.has_lens() { sampler.pair(PAIR_LENS) } else { [0.0; 2] };
+            let ray = self.filtered_ray(x, y, sampler.pair(PAIR_FILTER), lens);
             let seen = self.world.trace(ray, &sampler, &self.settings);
             *pixel = seen.radiance;
             rays += seen.rays;
@@ -130,33 +173,15 @@ impl<'a> Renderer<'a> {
         Ok(rays)
     }
 
+    /// The camera ray through a place of a pixel's filter and of the lens.
+    #[inline]
+    pub(crate) fn filtered_ray(&self, x: u32, y: u32, u: [f32; 2], lens: [f32; 2]) -> Ray {
+        let [dx, dy] = self.filter.offset(u);
+        self.eye.ray(x as f32 + 0.5 + dx, y as f32 + 0.5 + dy, lens)
+    }
+
     /// The camera ray through the middle of a pixel.
     pub(crate) fn middle_ray(&self, x: u32, y: u32) -> Ray {
-        self.pinhole.ray(x as f32 + 0.5, y as f32 + 0.5)
-    }
-}
-
-/// Names the first factor of a material that cannot be.
-fn check_material(index: usize, material: &Material) -> Result<(), RenderError> {
-    let [r, g, b] = material.base_color;
-    let [er, eg, eb] = material.emission;
-    let factors = [
-        ("base_color[0]", r),
-        ("base_color[1]", g),
-        ("base_color[2]", b),
-        ("emission[0]", er),
-        ("emission[1]", eg),
-        ("emission[2]", eb),
-        ("metallic", material.metallic),
-        ("roughness", material.roughness),
-        ("transmission", material.transmission),
-        ("ior", material.ior),
-    ];
-    match factors.into_iter().find(|(_, value)| !(value.is_finite() && *value >= 0.0)) {
-        None => Ok(()),
-        Some((factor, value)) => {
-            let name = material.name.clone();
-            Err(RenderError::MaterialFactor { material: index, name, factor, value })
-        }
+        self.eye.ray(x as f32 + 0.5, y as f32 + 0.5, [0.0; 2])
     }
 }

@@ -54,6 +54,12 @@ pub(crate) fn sobol(index: u32) -> [f32; 2] {
 /// 2^64 over the golden ratio, odd: steps that visit all 64-bit values evenly.
 const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
 
+/// A number in `0 .. 1` that follows from two others and from nothing else.
+#[inline]
+pub(crate) fn hashed(names: u64, key: u32) -> f32 {
+    fraction((mix(mix(names ^ GOLDEN) ^ u64::from(key)) >> 32) as u32)
+}
+
 /// The upper 24 bits as a fraction below 1: all that an f32 holds.
 #[inline(always)]
 pub(crate) fn fraction(bits: u32) -> f32 {

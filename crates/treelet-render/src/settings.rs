@@ -32,20 +32,22 @@ impl Default for Settings {
             max_bounces: 8,
             seed: 0,
             up: 1,
-            clamp_indirect: 4.0,
-            regularize: true,
+            clamp_indirect: f32::INFINITY,
+            regularize: false,
             strategy: Strategy::Both,
         }
     }
 }
 
 impl Settings {
-    /// The defaults without their two biases: nothing is cut off, nothing softened. Noisier, and
-    /// right in the end.
-    pub fn exact() -> Self {
-        Self { clamp_indirect: f32::INFINITY, regularize: false, ..Self::default() }
+    /// The defaults with two biases that make less noise: fireflies are cut off, caustics soft.
+    pub fn softened() -> Self {
+        Self { clamp_indirect: CLAMP, regularize: true, ..Self::default() }
     }
 }
+
+/// What [`Settings::softened`] cuts off at: four times what shows as near white.
+const CLAMP: f32 = 4.0;
 
 /// How lights are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -55,6 +57,6 @@ pub enum Strategy {
     Both,
     /// Toward the lights only, except along smooth glass.
     Lights,
-    /// Along the lobes only.
+    /// Along the lobes only; lights without a surface are not found.
     Lobes,
 }

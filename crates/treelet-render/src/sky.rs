@@ -25,6 +25,7 @@ use treelet_model::{Model, Sky, Sun};
 pub fn default_sky(model: &Model, up: usize) -> Sky {
     match model.sky {
         Some(sky) => sky,
+        None if !model.lights.is_empty() => dusk(up),
         None if model.materials.iter().any(treelet_model::Material::is_emissive) => dusk(up),
         None => Sky::clear(up),
     }
@@ -52,7 +53,7 @@ const WIDE_SUN: f32 = 0.3;
 
 /// A sky, prepared for sampling.
 #[derive(Clone, Debug)]
-pub(crate) struct Environment {
+pub(crate) struct SkyLight {
     sky: Sky,
     sun: Option<Disc>,
     wide_sun: Option<Disc>,
@@ -111,7 +112,7 @@ fn cap_height(angle: f32) -> f32 {
     2.0 * half * half
 }
 
-impl Environment {
+impl SkyLight {
     /// Checks and tabulates a sky.
     pub(crate) fn new(sky: &Sky, regularize: bool) -> Result<Self, RenderError> {
         check(sky)?;
@@ -213,7 +214,7 @@ impl Environment {
         direction
     }
 
-    /// The density over solid angle with which [`Environment::sample`] draws a unit direction.
+    /// The density over solid angle with which [`SkyLight::sample`] draws a unit direction.
     #[inline]
     pub(crate) fn pdf(&self, direction: [f32; 3]) -> f32 {
         let place = (direction[self.sky.up] + 1.0) * (STEPS as f32 / 2.0);
@@ -266,7 +267,7 @@ fn check(sky: &Sky) -> Result<(), RenderError> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Environment, dusk};
+    use super::{SkyLight, dusk};
     use crate::sampler::sobol;
     use core::f32::consts::TAU;
     use treelet_model::{Sky, Sun};
@@ -290,7 +291,7 @@ mod tests {
             Sky { sun: Some(sun), ..Sky::uniform([0.0; 3]) },
         ];
         for sky in skies {
-            let environment = Environment::new(&sky, false).unwrap();
+            let environment = SkyLight::new(&sky, false).unwrap();
             let n = 1 << 16;
             let (mut density, mut flux, mut sampled) = (0.0, 0.0, 0.0);
             for i in 0..n {
@@ -311,7 +312,7 @@ mod tests {
 
     #[test]
     fn wide_sun_has_the_same_irradiance() {
-        let clear = Environment::new(&Sky::clear(1), true).unwrap();
+        let clear = SkyLight::new(&Sky::clear(1), true).unwrap();
         let (sun, wide) = (clear.sun.unwrap(), clear.wide_sun.unwrap());
         let flux = |disc: super::Disc| disc.radiance[1] * disc.solid_angle();
         assert!((flux(sun) / flux(wide) - 1.0).abs() < 1e-4);
@@ -322,7 +323,7 @@ mod tests {
     fn small_suns_hold_their_own_samples() {
         let sun = Sun { direction: [0.6, 0.0, 0.8], angular_radius: 0.004_65, radiance: [1.0; 3] };
         let sky = Sky { sun: Some(sun), ..Sky::uniform([0.0; 3]) };
-        let environment = Environment::new(&sky, false).unwrap();
+        let environment = SkyLight::new(&sky, false).unwrap();
         let held = (0..10_000)
             .filter(|&i| environment.sun.unwrap().holds(environment.sample(0.0, sobol(i))));
         assert!(held.count() > 9_990);
@@ -341,7 +342,7 @@ mod tests {
             Sky { sun: Some(Sun { radiance: [f32::INFINITY; 3], ..sun }), ..good },
         ];
         for sky in bad {
-            assert!(Environment::new(&sky, true).is_err(), "{sky:?}");
+            assert!(SkyLight::new(&sky, true).is_err(), "{sky:?}");
         }
     }
 }

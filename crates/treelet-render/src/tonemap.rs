@@ -64,6 +64,12 @@ pub fn srgb8(linear: f32) -> u8 {
     (encoded.clamp(0.0, 1.0) * 255.0 + 0.5) as u8
 }
 
+/// The linear value of an 8-bit sRGB code.
+pub fn linear8(code: u8) -> f32 {
+    let c = f32::from(code) / 255.0;
+    if c <= 0.040_45 { c / 12.92 } else { libm::powf((c + 0.055) / 1.055, 2.4) }
+}
+
 #[cfg(test)]
 mod tests {
     use super::{GREY, GREY_SHOWN, ToneMap, filmic, srgb8};
@@ -82,6 +88,7 @@ mod tests {
         // Pairs of the standard: 8-bit code 188 is 0.5 linear, 118 is close to 0.18.
         assert_eq!([0.0, 0.001, 0.18, 0.5, 1.0, 7.0].map(srgb8), [0, 3, 118, 188, 255, 255]);
         assert_eq!(srgb8(f32::NAN), 0);
+        assert!((0..=255).all(|code| srgb8(super::linear8(code)) == code));
     }
 
     #[test]

@@ -79,3 +79,39 @@ fn seeds_differ() {
     });
     assert_ne!(a, b);
 }
+
+/// Every builder and every number of threads gives the same picture, bit for bit: through holes,
+/// with textures, and where only noisy tiles are sampled on.
+#[test]
+fn builders_and_threads_leave_no_trace() {
+    let mut model = box_scene();
+    model.materials[4].alpha = treelet_model::AlphaMode::Blend;
+    model.materials[4].opacity = 0.6;
+    let settings = Settings { width: 96, height: 64, ..SIZE };
+    let mut films = Vec::new();
+    for &builder in treelet::build::ALL {
+        let options = treelet::BuildOptions { builder: Some(builder), ..Default::default() };
+        let placed = treelet_model::PlacedModel::build(&model, &options).unwrap();
+        let renderer = Renderer::new(&model, &placed, &box_camera(), settings).unwrap();
+        let threads = 1 + films.len() % 2;
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        let mut film = renderer.film().unwrap();
+        pool.install(|| {
+            for _ in 0..16 {
+                renderer.pass(&mut film, &Cancel::new()).unwrap();
+            }
+            // Some tiles are noisier than all together, some less.
+            let limit = film.noise() as f32;
+            for _ in 0..4 {
+                renderer.adaptive_pass(&mut film, limit, &Cancel::new()).unwrap();
+            }
+        });
+        let samples = film.samples();
+        assert!(samples < 20 * 96 * 64, "some tiles are left: {samples}");
+        assert!(samples > 16 * 96 * 64, "and some are not: {samples}");
+        films.push((builder.info().name, bits(&film)));
+    }
+    for (name, film) in &films {
+        assert_eq!(film, &films[0].1, "{name} and {}", films[0].0);
+    }
+}

@@ -28,7 +28,7 @@ const PERCENTILE_99_MAX: f32 = 4.5;
 
 #[test]
 fn box_looks_like_its_reference() {
-    let settings = Settings { width: 96, height: 64, ..Settings::default() };
+    let settings = Settings { width: 96, height: 64, ..Settings::softened() };
     let renew = std::env::var_os(RENEW).is_some();
     let spp = if renew { SPP_REFERENCE } else { SPP };
     let (film, _) = render(&box_scene(), &box_camera(), settings, spp);

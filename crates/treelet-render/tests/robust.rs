@@ -4,7 +4,7 @@ mod common;
 
 use common::{box_camera, box_scene, camera, cube, exact, lamp, model, part, placed, quad, render};
 use treelet::{Affine, BuildOptions, Cancel, Mesh};
-use treelet_model::{Camera, Material, Model, Part, PlacedModel, Sky};
+use treelet_model::{Camera, Material, Model, Part, PlacedModel, Sky, View};
 use treelet_render::{Aov, RenderError, Renderer, Settings, aov, default_sky, sky};
 
 fn sound(film: &treelet_render::Film) -> bool {
@@ -117,7 +117,7 @@ fn nonsense_is_named() {
     assert_eq!(error, RenderError::ImageSize { width: 0, height: 720 });
     let error = refuse(&good, &camera, Settings { up: 3, ..Settings::default() });
     assert_eq!(error, RenderError::Up { axis: 3 });
-    let blind = Camera { vertical_fov: f32::NAN, ..camera.clone() };
+    let blind = Camera { view: View::Perspective { vertical_fov: f32::NAN }, ..camera.clone() };
     let error = refuse(&good, &blind, Settings::default());
     assert!(matches!(error, RenderError::FieldOfView { .. }), "{error}");
 
@@ -133,7 +133,8 @@ fn nonsense_is_named() {
     let mut bad = good.clone();
     bad.objects[0].parts[0].normals = Some([[0.0, 0.0, 1.0]; 7].into());
     let error = refuse(&bad, &camera, Settings::default());
-    let expected = RenderError::NormalCount { object: 0, part: 0, normals: 7, vertices: 8 };
+    let expected =
+        RenderError::AttributeCount { object: 0, part: 0, what: "normals", count: 7, vertices: 8 };
     assert_eq!(error, expected);
     let mut bad = good.clone();
     bad.placements[0].object = 9;

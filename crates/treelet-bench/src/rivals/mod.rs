@@ -9,6 +9,8 @@ mod obvhs;
 mod parry;
 #[cfg(feature = "rivals")]
 mod singles;
+#[cfg(feature = "rivals")]
+mod tinybvh;
 pub mod treelet;
 
 use crate::engine::{Engine, EngineError};
@@ -30,11 +32,8 @@ pub fn rival(name: &str, wishes: &embree::Wishes) -> Result<Box<dyn Engine>, Eng
         bvh::NAME => Ok(Box::new(bvh::BvhCrate)),
         #[cfg(feature = "rivals")]
         parry::NAME => Ok(Box::new(parry::Parry)),
-        // The handles of tinybvh-rs 0.1.0-beta.3 may not leave the thread that made them, and its
-        // 8-wide layout is there only in programs compiled for AVX2 throughout.
-        "tinybvh" => Err(EngineError::Missing(
-            "the bench cannot drive it: tinybvh-rs keeps its trees to one thread".into(),
-        )),
+        #[cfg(feature = "rivals")]
+        tinybvh::NAME => Ok(Box::new(tinybvh::TinyBvh)),
         _ => Err(EngineError::Missing(format!(
             "{name} is not in this program; build it with `--features rivals`"
         ))),

@@ -4,7 +4,9 @@
 //! `binned-sah wide8`, `binned-sah avx2`. What is not named is the library's own choice.
 //!
 //! The single-ray calls go through a function that is never inlined, so that a loop over rays gains
-//! nothing that a renderer's code would not.
+//! nothing that a renderer's code would not. What that costs is measured against slices of [`LOOP`]
+//! rays, too short to be walked together: there the library itself asks ray by ray, in a loop into
+//! which all is inlined but the walk, which is compiled for other instructions than what calls it.
 
 use treelet::build;
 use treelet::layout;
@@ -28,6 +30,30 @@ pub fn default_variant() -> &'static str {
     Quality::default().name()
 }
 
+/// Rays of a slice that the library answers one by one.
+pub const LOOP: usize = 32;
+
+/// What usual variants are for: building, both, tracing.
+const USUAL: [Quality; 3] = [Quality::Fast, Quality::Default, Quality::Best];
+
+/// How the names of layouts begin that are made to be small.
+const COMPACT: &str = "compact";
+
+/// Whether a variant is the default build in a small layout.
+pub(crate) fn is_compact(variant: &str) -> bool {
+    let (build, layout) = variant.split_once(' ').unwrap_or((variant, ""));
+    build == default_variant() && layout.starts_with(COMPACT)
+}
+
+/// The default build in the small layout whose nodes are as wide as those of the default layout.
+fn compact_variant() -> Option<String> {
+    let usual = LayoutChoice::best_for(Level::best());
+    let (usual, _) = layouts().find(|(_, layout)| *layout == usual)?;
+    let width = usual.trim_start_matches(|c: char| !c.is_ascii_digit());
+    let variant = |(layout, _): (&str, LayoutChoice)| format!("{} {layout}", default_variant());
+    layouts().map(variant).find(|variant| is_compact(variant) && variant.ends_with(width))
+}
+
 impl Engine for Treelet {
     fn name(&self) -> &'static str {
         NAME
@@ -39,7 +65,8 @@ impl Engine for Treelet {
 
     fn variants(&self) -> Vec<String> {
         let builders = build::ALL.iter().map(|builder| builder.info().name.to_owned());
-        let plain: Vec<_> = self.usual_variants().into_iter().chain(builders).collect();
+        let qualities = Quality::ALL.iter().map(|quality| quality.name().to_owned());
+        let plain: Vec<_> = qualities.chain(builders).collect();
         let levels =
             Level::ALL.iter().filter(|level| level.is_available()).map(|level| level.name());
         let words: Vec<_> = layouts().map(|(name, _)| name).chain(levels).collect();
@@ -49,12 +76,22 @@ impl Engine for Treelet {
     }
 
     fn usual_variants(&self) -> Vec<String> {
-        Quality::ALL.map(|quality| quality.name().to_owned()).to_vec()
+        USUAL.iter().map(|quality| quality.name().to_owned()).chain(compact_variant()).collect()
+    }
+
+    /// Slices are for the tree that is made to be traced.
+    fn is_usual(&self, variant: &str, call: Call) -> bool {
+        match call {
+            Call::ONE => true,
+            Call::SLICES => variant == Quality::Best.name(),
+            _ => variant == default_variant(),
+        }
     }
 
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
         let scene = scene(variant, triangles)?;
-        Ok(Box::new(TreeletScene { scene, shared: triangles.bytes() }))
+        let is_default = variant == default_variant();
+        Ok(Box::new(TreeletScene { scene, is_default, shared: triangles.bytes() }))
     }
 }
 
@@ -93,6 +130,7 @@ pub(crate) fn scene(variant: &str, triangles: &Triangles) -> Result<Scene, Engin
 /// A scene, and what it shares with its caller.
 struct TreeletScene {
     scene: Scene,
+    is_default: bool,
     shared: u64,
 }
 
@@ -102,7 +140,9 @@ impl Built for TreeletScene {
     }
 
     fn calls(&self) -> Vec<Call> {
-        vec![Call::ONE, Call::SLICES]
+        // The library's own loop is the same for every tree.
+        let own_loop = self.is_default.then_some(Call::packets(LOOP));
+        [Call::ONE, Call::SLICES].into_iter().chain(own_loop).collect()
     }
 
     fn pass<'a>(&'a self, call: Call, question: Question, rays: &'a [Ray]) -> Box<dyn Pass + 'a> {
@@ -148,7 +188,12 @@ impl Pass for ClosestPass<'_> {
                 }
             }
             // The lengths are the same, so nothing is refused.
-            Api::Many => drop(self.scene.closest_many(self.rays, &mut self.hits)),
+            Api::Many => {
+                let width = self.call.width.min(self.rays.len()).max(1);
+                for (rays, hits) in self.rays.chunks(width).zip(self.hits.chunks_mut(width)) {
+                    let _ = self.scene.closest_many(rays, hits);
+                }
+            }
         }
     }
 
@@ -173,11 +218,32 @@ impl Pass for AnyPass<'_> {
                 }
             }
             // The lengths are the same, so nothing is refused.
-            Api::Many => drop(self.scene.any_many(self.rays, &mut self.answers)),
+            Api::Many => {
+                let width = self.call.width.min(self.rays.len()).max(1);
+                for (rays, answers) in self.rays.chunks(width).zip(self.answers.chunks_mut(width)) {
+                    let _ = self.scene.any_many(rays, answers);
+                }
+            }
         }
     }
 
     fn answers(&self, answers: &mut Vec<Answer>) {
         answers.extend(self.answers.iter().map(|&hit| Answer::any(hit)));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Treelet, is_compact, options};
+    use crate::engine::Engine;
+
+    #[test]
+    fn what_is_usual_is_known_and_has_one_small_layout() {
+        let (usual, known) = (Treelet.usual_variants(), Treelet.variants());
+        assert_eq!(usual[..3], ["fast", "default", "best"]);
+        assert!(usual.iter().all(|variant| known.contains(variant)), "{usual:?}");
+        assert_eq!(usual.iter().filter(|variant| is_compact(variant)).count(), 1, "{usual:?}");
+        assert!(known.iter().all(|variant| options(variant).is_some()));
+        assert!(!is_compact("best compact") && !is_compact("default wide8"));
     }
 }

@@ -230,12 +230,12 @@ impl Shape {
     /// The finished part with smooth normals.
     pub(super) fn smooth_part(self, material: usize) -> Part {
         let normals = Some(self.normals.into());
-        Part { mesh: Mesh::new(self.positions, self.triangles), normals, material }
+        Part { normals, ..Part::new(Mesh::new(self.positions, self.triangles), material) }
     }
 
     /// The finished part, shaded flat.
     pub(super) fn flat_part(self, material: usize) -> Part {
-        Part { mesh: Mesh::new(self.positions, self.triangles), normals: None, material }
+        Part::new(Mesh::new(self.positions, self.triangles), material)
     }
 }
 

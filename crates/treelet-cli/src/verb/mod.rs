@@ -30,6 +30,11 @@ macro_rules! catalogue {
                 }
             }
 
+            /// Whether it measures with one number of threads after the other.
+            pub(crate) fn takes_several_thread_counts(&self) -> bool {
+                matches!(self, Self::Bench(_))
+            }
+
             /// Does what the verb says.
             pub(crate) fn run(self, session: &Session) -> Result<Outcome, Failure> {
                 match self {
@@ -46,6 +51,8 @@ catalogue! {
     verify "verify" Verify,
     bench "bench" Bench,
     list "list" List,
+    completions "completions" Completions,
+    man "man" Man,
 }
 
 /// Name and summary of every verb, in the catalogue's order.

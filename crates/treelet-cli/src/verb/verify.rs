@@ -41,7 +41,7 @@ const BRUTE: &str = "brute force";
 /// Hold the answers of every builder's tree against brute force
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// A scene file: glTF, OBJ, PLY or STL, also as .gz or .zst [default: the built-in scene].
+    /// A scene file: glTF, OBJ, PLY, STL, OFF or pbrt, also as .gz or .zst [default: the built-in scene].
     scene: Option<PathBuf>,
 
     /// How many rays: random ones, at vertices and edges, along axes, grazing, from surfaces.
@@ -319,7 +319,7 @@ mod tests {
         let rays = verify::rays(&right, 500, 3);
         let brute = BruteForce::new(&right);
         let candidates = [("right", right.clone()), ("wrong", wrong.clone())];
-        let session = Session { cancel: treelet::Cancel::new(), threads: 1, threads_asked: false };
+        let session = Session { cancel: treelet::Cancel::new(), threads: 1, threads_asked: vec![] };
         let mut tally = Tally::default();
         let line = Line::spinner("");
         let found =

@@ -8,20 +8,20 @@ const QUICK: &str = "--rays 1000 --rounds 1 --seconds 0 --threads 1";
 fn a_small_bench_has_the_promised_form() {
     let folder = Folder::new();
     folder.write("scene.obj", SCENE);
-    let line =
-        format!("bench scene.obj fractal-terrain:500 {QUICK} --json --peaks --slice 64,1000");
+    let line = format!("bench scene.obj fractal-terrain:500 {QUICK} --json --slice 64,1000");
     let run = folder.run(&line).ends(0);
     assert!(run.stderr.contains("as by brute force"), "{}", run.stderr);
     let json = run.json("bench");
     assert!(json["machine"]["processor"].is_string());
 
-    let levels = treelet::Quality::ALL.len();
     let builds = json["builds"].as_array().unwrap();
-    assert_eq!(builds.len(), 2 * levels);
+    let mut variants: Vec<_> = builds.iter().map(|build| build["variant"].clone()).collect();
+    variants.retain(|variant| !variant.as_str().unwrap().contains("compact"));
+    assert_eq!(variants, ["fast", "default", "best"].repeat(2));
+    let variants = builds.len() / 2;
     for build in builds {
         assert_eq!(build["engine"], "treelet");
         assert_eq!(build["threads"], 1);
-        assert!(treelet::Quality::by_name(build["variant"].as_str().unwrap()).is_some());
         let triangles = if build["scene"] == "scene" { 6 } else { 512 };
         assert_eq!(build["triangles"], triangles);
         for field in ["mtris_per_s", "bytes_per_tri"] {
@@ -32,14 +32,15 @@ fn a_small_bench_has_the_promised_form() {
     }
 
     let traces = json["traces"].as_array().unwrap();
-    // One ray a call and two lengths of slices, five kinds.
-    assert_eq!(traces.len(), 2 * levels * 3 * 5);
+    // Five kinds: one ray a call for all, the library's own loop for the default build, two lengths
+    // of slices for the best; of that, the longer one and one ray a call shuffled too.
+    assert_eq!(traces.len(), 2 * 5 * (variants + 1 + 2 + 2));
     for trace in traces {
         for field in ["scene", "engine", "variant", "kind"] {
             assert!(trace[field].is_string(), "{field}: {trace}");
         }
         assert_eq!((&trace["rays"], &trace["threads"]), (&1000.into(), &1.into()));
-        let width = if trace["api"] == "one" { vec![1] } else { vec![64, 1000] };
+        let width = if trace["api"] == "one" { vec![1] } else { vec![32, 64, 1000] };
         assert!(width.contains(&trace["width"].as_u64().unwrap()), "{trace}");
         assert!(trace["mrays_per_s"].as_f64().unwrap() > 0.0, "{trace}");
         assert_eq!(trace["mismatch_ppm"], 0.0);
@@ -78,6 +79,7 @@ fn what_cannot_be_measured_is_said() {
         ("bench soup:9 --kinds sideways", 2, "occlusion"),
         ("bench soup:9 --against rtx", 2, "embree"),
         ("bench soup:9 --threads 300 --rays 9", 1, "--threads"),
+        ("inspect empty.obj --threads 1,2", 2, "only `bench`"),
         ("bench empty.obj", 1, "another scene"),
     ] {
         let run = folder.run(line).ends(code);

@@ -138,3 +138,128 @@ fn the_built_in_scene_needs_no_file() {
     assert!(exists(&folder.path("treelet.png")));
     assert_eq!(folder.files(), ["treelet.png"]);
 }
+
+#[test]
+fn light_is_kept_in_exr_and_hdr_and_compared() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 48x32 --spp 2";
+    folder.run(&format!("{line} -o a.exr")).ends(0);
+    folder.run(&format!("{line} -o a.hdr")).ends(0);
+    assert!(folder.read("a.exr").starts_with(&[0x76, 0x2F, 0x31, 0x01]));
+    assert!(folder.read("a.hdr").starts_with(b"#?RADIANCE"));
+    let layers = folder.read("a.exr");
+    for layer in ["albedo.R", "normal.X", "depth.Z", "id.triangle", "visits.Y", "tests.Y"] {
+        assert!(layers.windows(layer.len()).any(|bytes| bytes == layer.as_bytes()), "{layer}");
+    }
+
+    let same = folder.run(&format!("{line} --compare a.exr --json")).ends(0).json("render");
+    assert_eq!(same["errors"]["mean_squared"], 0.0, "{same}");
+    let near = folder.run(&format!("{line} --compare a.hdr --json")).ends(0).json("render");
+    let near = near["errors"]["relative_squared"].as_f64().unwrap();
+    assert!(near > 0.0 && near < 1e-3, "{near}");
+    let other = folder.run(&format!("{line} --seed 5 --compare a.exr --json")).ends(0);
+    let other = other.json("render")["errors"]["relative_squared"].as_f64().unwrap();
+    assert!(other > near, "{other}");
+    folder.run("render scene.obj --size 40x32 --spp 1 --compare a.exr").ends(2);
+    folder.run(&format!("{line} --compare a.exr -o a.exr")).ends(2);
+    let lit = folder.run(&format!("{line} --env a.hdr --compare a.exr --json")).ends(0);
+    assert!(lit.json("render")["errors"]["mean_squared"].as_f64().unwrap() > 0.0);
+}
+
+#[test]
+fn a_smoothed_picture_has_the_raw_one_beside_it() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 64x48 --spp 4";
+    folder.run(&format!("{line} -o plain.png")).ends(0);
+    folder.run(&format!("{line} -o s.png --denoise")).ends(0);
+    assert!(folder.read("s.raw.png") == folder.read("plain.png"));
+    let smooth = folder.read("s.png");
+    assert_whole_png(&smooth);
+    assert!(smooth.len() < folder.read("s.raw.png").len(), "what is smooth packs better");
+}
+
+#[test]
+fn noise_is_stated_and_reached() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 64x48 --noise 20 --spp 2000 --json";
+    let json = folder.run(line).ends(0).json("render");
+    let (passes, samples) = (json["passes"].as_u64().unwrap(), json["samples"].as_u64().unwrap());
+    assert!((16..2000).contains(&passes), "{json}");
+    assert!(samples < passes * 64 * 48, "clean tiles are left alone: {json}");
+    assert!(json["noise"].as_f64().unwrap() < 0.25, "{json}");
+}
+
+#[test]
+fn biases_are_told() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 16x16 --spp 1";
+    let plain = folder.run(line).ends(0);
+    assert!(!plain.stderr.contains("cut off") && !plain.stderr.contains("softened"));
+    let biased = folder.run(&format!("{line} --clamp 4 --soften")).ends(0);
+    assert!(biased.stderr.contains("cut off at 4 times white"), "{}", biased.stderr);
+    assert!(biased.stderr.contains("softened"));
+}
+
+#[test]
+fn a_turntable_turns() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 24x16 --spp 1 --turntable 3 -o t.png --json";
+    let json = folder.run(line).ends(0).json("render");
+    assert_eq!(json["frames"].as_array().unwrap().len(), 3);
+    let frames = [0, 1, 2].map(|frame| folder.read(&format!("t.{frame:03}.png")));
+    assert!(frames[0] != frames[1] && frames[1] != frames[2]);
+    folder.run("render scene.obj --size 24x16 --spp 1 -o still.png").ends(0);
+    assert!(folder.read("still.png") == frames[0], "it begins where a single picture stands");
+}
+
+#[test]
+fn cameras_are_listed_and_chosen() {
+    let folder = Folder::new();
+    let list = folder.run("render --cameras --json").ends(0).json("render");
+    let camera = list["cameras"][0]["camera"].as_str().unwrap();
+    assert!(camera.starts_with("from="), "{list}");
+    assert!(folder.files().is_empty(), "nothing is rendered");
+    folder.write("scene.obj", SCENE);
+    let run = folder.run("render scene.obj --size 8x8 --spp 1 --camera front").ends(2);
+    assert!(run.stderr.contains("front"), "{}", run.stderr);
+    let line = "render scene.obj --size 24x16 --spp 4";
+    for camera in ["height=3.5", "lens=0.25 focus=2.5", "fov=30"] {
+        let words = format!("--camera from=3,2,5 at=0,0.5,0 {camera} --json");
+        let json = folder.run(&format!("{line} {words}")).ends(0).json("render");
+        assert!(json["camera"].as_str().unwrap().contains(camera), "{json}");
+    }
+}
+
+#[test]
+fn pictures_are_drawn_in_terminals() {
+    let folder = Folder::new();
+    folder.write("scene.obj", SCENE);
+    let line = "render scene.obj --size 24x16 --spp 1";
+    for (how, part) in [
+        ("kitty", "\x1b_Ga=T,f=100,"),
+        ("iterm", "\x1b]1337;File=inline=1;"),
+        ("sixel", "\x1bPq"),
+        ("blocks", "\u{2580}"),
+    ] {
+        let run = folder.run(&format!("{line} --show={how}")).ends(0);
+        assert!(run.stderr.contains(part), "{how}: {}", run.stderr);
+    }
+}
+
+#[test]
+fn shells_and_manuals_know_the_flags() {
+    let folder = Folder::new();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let run = folder.run(&format!("completions {shell}")).ends(0);
+        assert!(run.stdout.contains("turntable"), "{shell}");
+    }
+    let page = folder.run("man render").ends(0);
+    assert!(page.stdout.contains(".TH") && page.stdout.contains("turntable"), "{}", page.stdout);
+    assert!(folder.run("man").ends(0).stdout.contains("inspect"));
+    folder.run("man nothing").ends(2);
+}

@@ -22,7 +22,8 @@ fn list_shows_the_catalogues() {
     assert_eq!(names("layouts"), layouts);
     let importers: Vec<_> = treelet_import::ALL.iter().map(|i| i.info().name).collect();
     assert_eq!(names("importers"), importers);
-    assert_eq!(names("verbs"), ["render", "inspect", "verify", "bench", "list"]);
+    let verbs = ["render", "inspect", "verify", "bench", "list", "completions", "man"];
+    assert_eq!(names("verbs"), verbs);
     for verb in json["verbs"].as_array().unwrap() {
         assert_ne!(verb["summary"], "", "{verb}");
     }

@@ -14,6 +14,7 @@ use treelet_model::{Material, Model, Object, Part, Placement};
 use crate::catalogue::{Importer, Info};
 use crate::error::Result;
 use crate::source::Source;
+use crate::stream::Stream;
 use crate::text;
 
 /// The format, as the catalogue names it.
@@ -42,6 +43,10 @@ impl Importer for Stl {
             binary::read(source)
         }
     }
+
+    fn stream(&self, stream: &mut Stream<'_>) -> Result<Option<Model>> {
+        binary::stream(stream)
+    }
 }
 
 /// A model of solids, each a list of triangle corners.
@@ -55,7 +60,7 @@ fn model(
     for corners in solids {
         let mut triangles = source.vec(corners.len() / 3, "triangles")?;
         triangles.extend((0..corners.len() as u32 / 3).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]));
-        parts.push(Part { mesh: Mesh::new(corners, triangles), normals: None, material: 0 });
+        parts.push(Part::new(Mesh::new(corners, triangles), 0));
     }
     Ok(Model {
         objects: vec![Object { name, parts }],

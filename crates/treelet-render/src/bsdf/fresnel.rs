@@ -1,5 +1,9 @@
 //! How much a smooth boundary reflects.
 
+/// The cosine that stands for diffuse light where a single one must: its mean over the hemisphere,
+/// weighted by itself.
+pub(super) const COS_DIFFUSE: f32 = 2.0 / 3.0;
+
 /// The share of unpolarised light that a boundary between dielectrics reflects: Fresnel's
 /// equations, exact.
 ///

@@ -1,8 +1,10 @@
-//! The rough mirror: microfacets with the GGX distribution, isotropic, in the frame of the normal.
+//! The rough boundary: microfacets with the GGX distribution, isotropic, in the frame of the normal,
+//! that mirror or refract.
 //!
 //! Sources: B. Walter et al., "Microfacet Models for Refraction through Rough Surfaces", EGSR 2007
 //! (the distribution); E. Heitz, "Understanding the Masking-Shadowing Function in
-//! Microfacet-Based BRDFs", JCGT 3(2), 2014 (height-correlated masking and shadowing); J. Dupuy,
+//! Microfacet-Based BRDFs", JCGT 3(2), 2014 (height-correlated masking and shadowing; the separable
+//! form where light passes through); J. Dupuy,
 //! A. Benyoub, "Sampling Visible GGX Normals with Spherical Caps", CGF 42(8), 2023 (sampling).
 //!
 //! One bounce between facets only: what would bounce twice is lost here and given back by
@@ -16,12 +18,18 @@ use treelet::math::vec3;
 pub(crate) const ALPHA_MIN: f32 = 1e-3;
 
 /// A rough mirror of width `alpha`, in `ALPHA_MIN ..= 1`.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Ggx {
     pub(crate) alpha: f32,
 }
 
 impl Ggx {
+    /// By perceptual roughness, the root of the width.
+    #[inline]
+    pub(crate) fn of_roughness(roughness: f32) -> Self {
+        Self { alpha: (roughness * roughness).max(ALPHA_MIN) }
+    }
+
     /// The density of facet normals, `half` in the upper hemisphere.
     ///
     /// Written with the sine's components, so that nothing cancels near the normal.
@@ -51,9 +59,41 @@ impl Ggx {
         (value, density / (1.0 + lambda_o), vec3::dot(wo, half))
     }
 
+    /// For facets that let everything through: value times the cosine of `wi` (of radiance divided
+    /// by the squared index), density of sampling `wi`, and the cosine between `wo` and the facet.
+    /// `wo` is in the upper hemisphere, `wi` in the lower; `eta` is the lower index over the upper.
+    /// `None` where no facet leads from one to the other.
+    #[inline]
+    pub(crate) fn eval_through(
+        self,
+        wo: [f32; 3],
+        wi: [f32; 3],
+        eta: f32,
+    ) -> Option<(f32, f32, f32)> {
+        // Walter 2007, equations 16, 17 and 21; the facet normal points to the thinner side there.
+        let along = vec3::add(wo, vec3::scale(wi, eta));
+        let half = unit(if along[2] < 0.0 { vec3::scale(along, -1.0) } else { along });
+        let (cos_o, cos_i) = (vec3::dot(wo, half), vec3::dot(wi, half));
+        if !(cos_o > 0.0 && cos_i < 0.0) {
+            return None;
+        }
+        let apart = cos_o + eta * cos_i;
+        let jacobian = eta * eta * -cos_i / (apart * apart);
+        let (lambda_o, lambda_i) = (self.lambda(wo), self.lambda(wi));
+        let density = self.density(half) * cos_o / wo[2] * jacobian / (1.0 + lambda_o);
+        density.is_finite().then_some((density / (1.0 + lambda_i), density, cos_o))
+    }
+
     /// A direction drawn from the visible normals of `wo`; may lie below the surface.
     #[inline]
     pub(crate) fn sample(self, wo: [f32; 3], u: [f32; 2]) -> [f32; 3] {
+        let half = self.facet(wo, u);
+        vec3::sub(vec3::scale(half, 2.0 * vec3::dot(wo, half)), wo)
+    }
+
+    /// A facet normal drawn from those visible from `wo`.
+    #[inline]
+    pub(crate) fn facet(self, wo: [f32; 3], u: [f32; 2]) -> [f32; 3] {
         // Stretch to the hemisphere, where the facets are a mirror ball.
         let ball = unit([self.alpha * wo[0], self.alpha * wo[1], wo[2]]);
 
@@ -63,9 +103,8 @@ impl Ggx {
         let sin = (1.0 - z * z).max(0.0).sqrt();
         let facet = vec3::add([sin * cos_phi, sin * sin_phi, z], ball);
 
-        // Squeeze the facet normal back and reflect.
-        let half = unit([self.alpha * facet[0], self.alpha * facet[1], facet[2].max(1e-9)]);
-        vec3::sub(vec3::scale(half, 2.0 * vec3::dot(wo, half)), wo)
+        // Squeeze the facet normal back.
+        unit([self.alpha * facet[0], self.alpha * facet[1], facet[2].max(1e-9)])
     }
 }
 

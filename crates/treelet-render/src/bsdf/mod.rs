@@ -1,44 +1,79 @@
-//! What surfaces do with light: the glTF 2.0 metallic-roughness model, one lobe a file.
+//! What surfaces do with light: the glTF 2.0 metallic-roughness model with its common extensions,
+//! one lobe a file.
 //!
 //! A surface is three things at once, in shares that add up to 1: a metal (`metallic`), glass
 //! (`transmission` of the rest), and a coated diffuse base (what remains). Metal and coat are one
 //! GGX lobe with two reflectances. The coat takes what it reflects away from the base (`albedo.rs`),
-//! so that a white surface of any roughness loses nothing and gains nothing.
+//! so that a white surface of any roughness loses nothing and gains nothing. Over all of it may lie
+//! a clear coat, another GGX lobe of index 1.5, which likewise takes away what it reflects.
 //!
 //! Differs from the glTF appendix B: Fresnel's equations instead of Schlick's fit for dielectrics,
-//! so that an index of refraction of 1 is plain Lambert; an energy-conserving base; metals brought
-//! up to full albedo; glass is solid and smooth.
+//! so that an index of refraction of 1 is plain Lambert; an energy-conserving base; metals and
+//! rough glass brought up to full albedo. All lobes are reciprocal.
 
 mod albedo;
 mod diffuse;
 mod fresnel;
-mod ggx;
+pub(crate) mod ggx;
 mod glass;
+mod sample;
+mod tables;
+#[cfg(test)]
+mod tests;
 
 pub(crate) use albedo::Albedos;
+pub(crate) use tables::Tables;
 
 use crate::color;
-use albedo::Albedo;
 use ggx::Ggx;
-use glass::Passage;
-use std::sync::Arc;
-use treelet_model::Material;
 
-/// A material, prepared for shading.
-#[derive(Clone, Debug)]
-pub(crate) struct Bsdf {
+/// The numbers of a material at a point, as a model gives them; any value.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Factors {
+    pub(crate) base_color: [f32; 3],
+    pub(crate) metallic: f32,
+    pub(crate) roughness: f32,
+    pub(crate) transmission: f32,
+    pub(crate) specular: [f32; 3],
+    pub(crate) clear_coat: f32,
+    pub(crate) clear_coat_roughness: f32,
+    pub(crate) thin_walled: bool,
+}
+
+/// A surface at a point, prepared for shading. Directions are in the frame of the normal on the
+/// side of the viewer.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bsdf<'a> {
+    tables: &'a Tables,
     ggx: Ggx,
+    /// Perceptual: what the tables are asked for.
+    roughness: f32,
     /// Shares of metal, glass and coated base; they add up to 1.
     metal: f32,
     glass: f32,
     base: f32,
     /// Reflectance of the metal at normal incidence, and albedo of the base.
     color: [f32; 3],
-    /// The tint of one passage through the boundary: the root of the colour, as light goes in and out.
-    tint: [f32; 3],
-    ior: f32,
-    coat: Arc<Albedo>,
-    mirror: Arc<Albedo>,
+    /// Factor on the coat's reflection, and its largest channel.
+    specular: [f32; 3],
+    specular_max: f32,
+    clear: f32,
+    clear_ggx: Ggx,
+    clear_roughness: f32,
+    glass_kind: GlassKind,
+    /// Index of refraction of the far side over that of the viewer's.
+    eta: f32,
+    /// Whether the viewer is on the side the geometric normal points to.
+    outside: bool,
+}
+
+/// How light comes through.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum GlassKind {
+    Smooth,
+    SmoothThin,
+    Rough(Ggx, f32),
+    RoughThin(Ggx, f32),
 }
 
 /// A direction drawn by [`Bsdf::sample`].
@@ -52,135 +87,197 @@ pub(crate) struct Scattered {
     pub(crate) pdf: f32,
 }
 
-/// The probabilities of drawing from each lobe.
-struct Odds {
+/// The probabilities of drawing from each lobe, for one view.
+#[derive(Clone, Copy)]
+pub(crate) struct Odds {
     glass: f32,
+    clear: f32,
     mirror: f32,
-    base: f32,
+    diffuse: f32,
 }
 
-impl Bsdf {
-    /// Prepares a material; factors above their range count as its end. Not less rough than
-    /// `alpha_min`.
-    pub(crate) fn new(material: &Material, alpha_min: f32, albedos: &mut Albedos) -> Self {
-        let color = material.base_color.map(|c| c.clamp(0.0, 1.0));
-        let metal = material.metallic.clamp(0.0, 1.0);
-        let glass = (1.0 - metal) * material.transmission.clamp(0.0, 1.0);
-        let roughness = material.roughness.clamp(0.0, 1.0);
-        let alpha = (roughness * roughness).max(ggx::ALPHA_MIN).max(alpha_min);
-        let ior = material.ior.clamp(1.0, IOR_MAX);
+/// Even a black metal shines at grazing angles, so its lobe is tried this often.
+const METAL_LEAST: f32 = 0.1;
+
+impl<'a> Bsdf<'a> {
+    /// Prepares a surface; factors above their range count as its end. `outside` says whether the
+    /// viewer is on the side the geometric normal points to.
+    pub(crate) fn new(tables: &'a Tables, factors: &Factors, outside: bool) -> Self {
+        let unit = |x: f32| x.clamp(0.0, 1.0);
+        let metal = unit(factors.metallic);
+        let glass = (1.0 - metal) * unit(factors.transmission);
+        let plain = unit(factors.roughness);
+        let roughness = plain.max(tables.roughness_min);
+        let clear_roughness = unit(factors.clear_coat_roughness).max(tables.roughness_min);
+        let specular = factors.specular.map(unit);
+        let smooth = plain * plain <= ggx::ALPHA_MIN
+            || !factors.thin_walled && tables.ior - 1.0 < glass::BENDS_LEAST;
+        let glass_kind = match (smooth, factors.thin_walled) {
+            (true, false) => GlassKind::Smooth,
+            (true, true) => GlassKind::SmoothThin,
+            (false, false) => GlassKind::Rough(Ggx::of_roughness(plain), plain),
+            (false, true) => GlassKind::RoughThin(Ggx::of_roughness(plain), plain),
+        };
         Self {
-            ggx: Ggx { alpha },
+            tables,
+            ggx: Ggx::of_roughness(roughness),
+            roughness,
             metal,
             glass,
             base: (1.0 - metal - glass).max(0.0),
-            color,
-            tint: color.map(f32::sqrt),
-            ior,
-            coat: albedos.coat(alpha, ior),
-            mirror: albedos.mirror(alpha),
+            color: factors.base_color.map(unit),
+            specular,
+            specular_max: color::max(specular),
+            clear: unit(factors.clear_coat),
+            clear_ggx: Ggx::of_roughness(clear_roughness),
+            clear_roughness,
+            glass_kind,
+            eta: if outside { tables.ior } else { 1.0 / tables.ior },
+            outside,
         }
     }
 
-    /// Whether light from a sampled direction can be scattered at all: not by glass alone.
+    /// Whether light from a sampled direction cannot be scattered at all: by smooth glass alone.
     pub(crate) fn is_smooth_only(&self) -> bool {
-        self.metal == 0.0 && self.base == 0.0
+        let rough = matches!(self.glass_kind, GlassKind::Rough(..) | GlassKind::RoughThin(..));
+        self.metal == 0.0 && self.base == 0.0 && self.clear == 0.0 && !rough
+    }
+
+    /// What the surface looks like in white light, about: for the guides of a denoiser.
+    pub(crate) fn albedo(&self) -> [f32; 3] {
+        let white = self.glass;
+        self.color.map(|c| (1.0 - white) * c + white)
     }
 
     /// Value times the cosine of `wi`, and the density with which [`Bsdf::sample`] draws `wi`.
-    /// `wo` is in the upper hemisphere; zero unless `wi` is too.
-    pub(crate) fn eval(&self, wo: [f32; 3], wi: [f32; 3]) -> ([f32; 3], f32) {
-        if wi[2] <= 0.0 || wo[2] <= 0.0 {
+    /// `wo` is in the upper hemisphere, `odds` are those of it.
+    pub(crate) fn eval(&self, odds: &Odds, wo: [f32; 3], wi: [f32; 3]) -> ([f32; 3], f32) {
+        if wo[2] <= 0.0 || wi[2] == 0.0 {
             return ([0.0; 3], 0.0);
         }
-        let odds = self.odds(wo);
-        let mut value = [0.0; 3];
-        let mut pdf = 0.0;
-
-        // The base under its coat.
-        if self.base > 0.0 {
-            let coat = &self.coat;
-            let through = (1.0 - coat.at(wo[2])) * (1.0 - coat.at(wi[2])) / (1.0 - coat.mean);
-            let lambert = diffuse::density(wi[2]);
-            value = self.color.map(|c| self.base * c * through * lambert);
-            pdf += odds.base * lambert;
+        if wi[2] < 0.0 {
+            return self.eval_glass(wo, wi, odds);
         }
+        let (mut value, mut pdf) = ([0.0; 3], 0.0);
+        if self.glass > 0.0 {
+            (value, pdf) = self.eval_glass(wo, wi, odds);
+        }
+
+        // The base under its coat, and what the metal's facets lose.
+        let (under, under_diffuse) = self.under_clear(wo[2], wi[2]);
+        let lambert = diffuse::density(wi[2]);
+        if self.base > 0.0 {
+            let kept = |cos| 1.0 - self.specular_max * self.tables.coat.at(self.roughness, cos);
+            let mean = 1.0 - self.specular_max * self.tables.coat.mean(self.roughness);
+            let through = kept(wo[2]) * kept(wi[2]) / mean * lambert * under_diffuse * self.base;
+            (0..3).for_each(|c| value[c] += self.color[c] * through);
+        }
+        if self.metal > 0.0 {
+            let again = self.metal * self.lost_by_metal(wo[2], wi[2]) * lambert * under;
+            let mean = self.tables.mirror.mean(self.roughness);
+            (0..3).for_each(|c| value[c] += again * bounced(self.color[c], mean));
+        }
+        pdf += odds.diffuse * lambert;
 
         // The coat and the metal.
         if odds.mirror > 0.0 {
             let (mirror, density, cos) = self.ggx.eval(wo, wi);
-            let reflectance = self.reflectance(wo[2], cos);
-            for c in 0..3 {
-                value[c] += mirror * reflectance[c];
-            }
+            let reflectance = self.reflectance(cos);
+            (0..3).for_each(|c| value[c] += mirror * reflectance[c] * under);
             pdf += odds.mirror * density;
+        }
+
+        // The clear coat.
+        if odds.clear > 0.0 {
+            let (mirror, density, cos) = self.clear_ggx.eval(wo, wi);
+            let shine = self.clear * fresnel::dielectric(cos, tables::CLEAR_IOR) * mirror;
+            (0..3).for_each(|c| value[c] += shine);
+            pdf += odds.clear * density;
         }
         (value, pdf)
     }
 
-    /// Draws a direction for `wo` in the upper hemisphere; `None` absorbs.
-    ///
-    /// `outside` says whether `wo` is on the side the geometric normal points to; `u_lobe` and `u`
-    /// are in the unit interval and square, 1 excluded.
-    pub(crate) fn sample(
-        &self,
-        wo: [f32; 3],
-        outside: bool,
-        u_lobe: f32,
-        u: [f32; 2],
-    ) -> Option<Scattered> {
-        let odds = self.odds(wo);
-        if u_lobe < odds.glass {
-            return Some(self.sample_glass(wo, outside, u_lobe / odds.glass, odds.glass));
-        }
-        let wi = if u_lobe < odds.glass + odds.mirror {
-            self.ggx.sample(wo, u)
-        } else {
-            diffuse::sample(u)
-        };
-        let (value, pdf) = self.eval(wo, wi);
-        (pdf > 0.0).then(|| Scattered { wi, weight: value.map(|v| v / pdf), pdf })
-    }
-
-    fn sample_glass(&self, wo: [f32; 3], outside: bool, u: f32, odds: f32) -> Scattered {
-        let eta = if outside { self.ior } else { 1.0 / self.ior };
-        let share = self.glass / odds;
-        let (wi, weight) = match glass::sample(wo, eta, u) {
-            Passage::Reflected(wi) => (wi, [share; 3]),
-            Passage::Refracted(wi) => (wi, self.tint.map(|c| share * c)),
-        };
-        Scattered { wi, weight, pdf: 0.0 }
-    }
-
-    /// The mirror lobe's reflectance, metal and coat together, by the cosines of `wo` with the
-    /// normal and with the facet.
-    fn reflectance(&self, cos_normal: f32, cos_facet: f32) -> [f32; 3] {
-        let coat = self.base * fresnel::dielectric(cos_facet, self.ior);
+    /// The mirror lobe's reflectance, metal and coat together, by the cosine with the facet.
+    #[inline]
+    fn reflectance(&self, cos: f32) -> [f32; 3] {
+        let coat = if self.base > 0.0 { fresnel::dielectric(cos, self.tables.ior) } else { 0.0 };
+        let coat = self.specular.map(|tint| self.base * coat * tint);
         if self.metal == 0.0 {
-            return [coat; 3];
+            return coat;
         }
-        let kept = self.mirror.at(cos_normal);
-        let lost_again = (1.0 - kept) / kept.max(f32::MIN_POSITIVE);
-        let rise = fresnel::schlick(cos_facet);
-        self.color.map(|f0| coat + self.metal * (f0 + (1.0 - f0) * rise) * (1.0 + f0 * lost_again))
+        let rise = fresnel::schlick(cos);
+        core::array::from_fn(|c| {
+            let f0 = self.color[c];
+            coat[c] + self.metal * (f0 + (1.0 - f0) * rise)
+        })
     }
 
-    /// Lobes are chosen by about what they reflect.
-    fn odds(&self, wo: [f32; 3]) -> Odds {
-        let coat = self.coat.at(wo[2]);
-        let mirror = self.base * coat + self.metal * color::luminance(self.color).max(METAL_LEAST);
-        let base = self.base * (1.0 - coat) * color::luminance(self.color);
-        let sum = self.glass + mirror + base;
+    /// What single bounces between the metal's facets lose, spread over directions.
+    #[inline]
+    fn lost_by_metal(&self, cos_o: f32, cos_i: f32) -> f32 {
+        let mirror = &self.tables.mirror;
+        let lost = |cos| 1.0 - mirror.at(self.roughness, cos);
+        lost(cos_o) * lost(cos_i) / (1.0 - mirror.mean(self.roughness)).max(1e-6)
+    }
+
+    /// What the clear coat leaves of light on its way in and out, for lobes around a mirror
+    /// direction and for diffuse ones.
+    ///
+    /// The second loses nothing on a diffuse base. The first is exact for mirrors, reciprocal, never
+    /// gains, and loses up to a tenth under grazing views of rough lobes. The geometric mean of the
+    /// two passages, which was tried, gains 8 % there.
+    #[inline]
+    fn under_clear(&self, cos_o: f32, cos_i: f32) -> (f32, f32) {
+        if self.clear == 0.0 {
+            return (1.0, 1.0);
+        }
+        let clear = &self.tables.clear;
+        let kept = |cos| 1.0 - self.clear * clear.at(self.clear_roughness, cos);
+        let (out, back) = (kept(cos_o), kept(cos_i));
+        (out.min(back), out * back / (1.0 - self.clear * clear.mean(self.clear_roughness)))
+    }
+
+    /// Lobes are chosen by about what they scatter; to be found once for each view.
+    #[inline]
+    pub(crate) fn odds(&self, wo: [f32; 3]) -> Odds {
+        let luminance = color::luminance(self.color);
+        let mut odds = Odds { glass: self.glass, clear: 0.0, mirror: 0.0, diffuse: 0.0 };
+        if self.base > 0.0 {
+            let coat = self.specular_max * self.tables.coat.at(self.roughness, wo[2]);
+            odds.mirror += self.base * coat;
+            odds.diffuse += self.base * (1.0 - coat) * luminance;
+        }
+        if self.metal > 0.0 {
+            let kept = self.tables.mirror.at(self.roughness, wo[2]);
+            odds.mirror += self.metal * luminance.max(METAL_LEAST);
+            odds.diffuse += self.metal * luminance * (1.0 - kept);
+        }
+        if self.clear > 0.0 {
+            let clear = self.clear * self.tables.clear.at(self.clear_roughness, wo[2]);
+            odds.glass *= 1.0 - clear;
+            odds.mirror *= 1.0 - clear;
+            odds.diffuse *= 1.0 - clear;
+            odds.clear = clear;
+        }
+        let sum = odds.glass + odds.clear + odds.mirror + odds.diffuse;
         if sum <= 0.0 {
             // A black surface with no coat: any odds do, as every value is 0.
-            return Odds { glass: 0.0, mirror: 0.0, base: 1.0 };
+            return Odds { glass: 0.0, clear: 0.0, mirror: 0.0, diffuse: 1.0 };
         }
-        Odds { glass: self.glass / sum, mirror: mirror / sum, base: base / sum }
+        let scale = 1.0 / sum;
+        Odds {
+            glass: odds.glass * scale,
+            clear: odds.clear * scale,
+            mirror: odds.mirror * scale,
+            diffuse: odds.diffuse * scale,
+        }
     }
 }
 
-/// Diamond has 2.4; beyond this the coat is a mirror.
-const IOR_MAX: f32 = 100.0;
-
-/// Even a black metal shines at grazing angles, so its lobe is tried this often.
-const METAL_LEAST: f32 = 0.1;
+/// The colour of light that bounced several times between facets of reflectance `f0`, whose mean
+/// albedo is `mean`: the geometric series of Kulla and Conty 2017, with Schlick's mean.
+#[inline]
+fn bounced(f0: f32, mean: f32) -> f32 {
+    let average = f0 + (1.0 - f0) / 21.0;
+    average * average * mean / (1.0 - average * (1.0 - mean)).max(1e-6)
+}

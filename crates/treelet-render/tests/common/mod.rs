@@ -43,7 +43,7 @@ pub(crate) fn sphere(n: u32) -> (Mesh, Vec<[f32; 3]>) {
 
 /// A flat-shaded part.
 pub(crate) fn part(mesh: Mesh, material: usize) -> Part {
-    Part { mesh, normals: None, material }
+    Part::new(mesh, material)
 }
 
 /// A quadrilateral of two triangles, its corners in order.
@@ -101,8 +101,10 @@ pub(crate) fn box_scene() -> Model {
     ];
     let mut model = model(walls, materials);
     let (ball, normals) = sphere(24);
-    let smooth =
-        |material| Part { mesh: ball.clone(), normals: Some(normals.clone().into()), material };
+    let smooth = |material| Part {
+        normals: Some(normals.clone().into()),
+        ..Part::new(ball.clone(), material)
+    };
     for (part, scale, at, angle) in [
         (part(cube(), 4), [0.28, 0.55, 0.28], [-0.4, -0.45, -0.35], 0.35),
         (smooth(5), [0.32; 3], [0.45, -0.68, 0.3], 0.0),

@@ -1,5 +1,7 @@
 //! The axis-aligned box.
 
+use crate::memory::zeroed;
+
 /// An axis-aligned box, closed: the points with `lo <= p <= hi` on every axis.
 ///
 /// Empty when `lo > hi` on an axis; [`Aabb::EMPTY`] is the empty box that any union forgets.
@@ -11,6 +13,8 @@ pub struct Aabb {
     /// The greatest corner.
     pub hi: [f32; 3],
 }
+
+zeroed! { Aabb []: [f32; 3] }
 
 impl Aabb {
     /// The box of nothing.

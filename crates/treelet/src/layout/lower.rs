@@ -1,24 +1,24 @@
 //! Lowering: a binary tree becomes wide nodes, its triangles blocks of words.
 //!
 //! The tree is cut below its top into many subtrees. Each is planned by itself, then the top over
-//! them ([`super::collapse`]); then it is known what fills the slots of every wide node
-//! ([`super::select`]), and so how many there are; then each subtree is written by itself, straight
-//! to where it stays ([`super::write`]). What is written depends on the tree alone, not on the number
-//! of threads.
+//! them ([`super::collapse`]; quick levels choose by [`super::greedy`]); then it is known what fills
+//! the slots of every wide node ([`super::select`]), and so how many there are; then each subtree is
+//! written by itself, straight to where it stays ([`super::write`]). What is written depends on the
+//! tree alone, not on the number of threads.
 //!
 //! Cost: O(n) time; beyond the result about 26 bytes an inner node of the tree for the plans, then
 //! `4 W + 12` bytes a wide node.
 
 use super::collapse::{Plan, Priced};
-use super::select::{Entry, Selected, Top};
+use super::select::{Entry, Selected, Selection, Top};
 use super::wide::{BLOCK_WORDS, Child, ENTRIES_MAX, LEAF_MAX, TRIANGLE_WORDS, Wide};
 use super::write::{Output, Writer};
+use super::{Collapse, greedy};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages};
 use crate::tree::{self, Kind, Tree};
-use alloc::borrow::Cow;
 use alloc::vec::Vec;
 
 /// Trees with fewer nodes are one piece.
@@ -39,36 +39,32 @@ pub(crate) struct Lowered<const W: usize> {
     pub(crate) instances: Vec<u32>,
 }
 
-/// Lowers a tree over boxes `bounds`: of `triangles` triangles, numbered first, and of instances,
-/// numbered after them. `source` gives the triangles of some
-/// numbers.
+/// Lowers a tree whose leaves fit ([`split_leaves`]), of primitives of which those from
+/// `first_instance` on are instances. `source` gives the triangles of some numbers.
 pub(crate) fn lower<const W: usize>(
     tree: &Tree,
-    bounds: &[Aabb],
-    triangles: usize,
+    first_instance: u32,
     source: &(impl Fn(&[u32], &mut [Packed]) + Sync),
+    collapse: Collapse,
     cancel: &Cancel,
 ) -> Result<Lowered<W>, BuildError> {
     if tree.prims.len() > ENTRIES_MAX {
         return Err(BuildError::TooManyPrims { prims: tree.prims.len() as u64 });
     }
-    let tree = &*split_leaves(tree, bounds, triangles);
     if tree.nodes.is_empty() {
         let words = Pages::zeroed(BLOCK_WORDS, "leaf blocks")?;
         let nodes = Pages::zeroed(0, "wide nodes")?;
         let wide = Wide { nodes, root: Child::END, words, triangles: 0 };
         return Ok(Lowered { wide, instances: Vec::new() });
     }
-    // Where there is no instance, nobody looks for one.
-    let first_instance = if bounds.len() > triangles { triangles as u32 } else { u32::MAX };
-    let selection = select(tree, first_instance, cancel)?;
+    let selection = select(tree, first_instance, collapse, cancel)?;
     let writer = Writer { tree, source, first_instance, cancel };
     write(&writer, selection)
 }
 
-/// What a leaf of the wide tree may hold: few entries, all of one kind. Other leaves of the tree are
-/// cut in halves until they do.
-fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a, Tree> {
+/// What a leaf of the wide tree may hold: few entries, all of one kind. Other leaves of the tree over
+/// `bounds` are cut in halves until they do.
+pub(crate) fn split_leaves(mut tree: Tree, bounds: &[Aabb], triangles: usize) -> Tree {
     let has_instances = bounds.len() > triangles;
     let of_one_kind = |prims: &[u32]| {
         let instances = prims.iter().filter(|&&prim| prim as usize >= triangles).count();
@@ -80,9 +76,8 @@ fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a
         Kind::Inner { .. } => true,
     };
     if tree.nodes.iter().all(fit) {
-        return Cow::Borrowed(tree);
+        return tree;
     }
-    let mut tree = tree.clone();
     let mut at = 0;
     while at < tree.nodes.len() {
         if let Kind::Leaf { first, count } = tree.nodes[at].kind()
@@ -104,24 +99,22 @@ fn split_leaves<'a>(tree: &'a Tree, bounds: &[Aabb], triangles: usize) -> Cow<'a
         }
         at += 1;
     }
-    Cow::Owned(tree)
+    tree
 }
 
-/// What fills the slots of every wide node.
-struct Selection<const W: usize> {
-    top: Top<W>,
-    pieces: Vec<Selected<W>>,
-}
-
-/// Chooses the cheapest wide nodes.
+/// Chooses what becomes wide nodes.
 fn select<const W: usize>(
     tree: &Tree,
     first_instance: u32,
+    collapse: Collapse,
     cancel: &Cancel,
 ) -> Result<Selection<W>, Cancelled> {
     let root_area = tree.bounds().half_area();
     let scale = if root_area > 0.0 { 1.0 / root_area } else { 0.0 };
     let priced = Priced { tree, first_instance, scale };
+    if collapse == Collapse::Greedy {
+        return greedy::select(&priced, cancel);
+    }
 
     // Plan the pieces, then the top over them.
     let roots = cut(tree);

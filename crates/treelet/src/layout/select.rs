@@ -60,9 +60,15 @@ pub(super) struct Selected<const W: usize> {
 /// What fills one slot of the top: a node of a piece.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Entry {
-    below: Below,
+    pub(super) below: Below,
     /// Node and slot; none if it is the root of all.
     pub(super) place: Option<(usize, usize)>,
+}
+
+/// What fills the slots of every wide node.
+pub(super) struct Selection<const W: usize> {
+    pub(super) top: Top<W>,
+    pub(super) pieces: Vec<Selected<W>>,
 }
 
 /// The wide nodes above the pieces.
@@ -140,7 +146,7 @@ impl<const W: usize> Selected<W> {
 ///
 /// Each is compared with each, without a branch. Of the areas, the last four bits are not looked at.
 #[inline(always)]
-fn by_area<const W: usize>(areas: &[f32; W], count: usize) -> [u8; W] {
+pub(super) fn by_area<const W: usize>(areas: &[f32; W], count: usize) -> [u8; W] {
     const { assert!(W <= SLOTS_MAX) }
     let mut keys = [i32::MAX; W];
     for at in 0..count {

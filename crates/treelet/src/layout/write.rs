@@ -89,13 +89,15 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
         output: &mut Output<'_, W>,
         batch: &mut Batch,
     ) {
-        let mut node = Node::EMPTY;
         let parts = &chosen.parts[..chosen.count as usize];
-        for (slot, part) in parts.iter().enumerate() {
-            node.set(slot, &self.tree.nodes[part.node()].bounds, Child::END);
+        let mut children = [Child::END; W];
+        self.leaves(parts, &mut children, output, batch);
+        // Written where it stays: a copy would wait for all these stores.
+        let node = &mut output.nodes[at];
+        *node = Node::EMPTY;
+        for (slot, (part, child)) in parts.iter().zip(children).enumerate() {
+            node.set(slot, &self.tree.nodes[part.node()].bounds, child);
         }
-        self.leaves(parts, &mut node.children, output, batch);
-        output.nodes[at] = node;
         if chosen.parent != NO_PARENT {
             let parent = &mut output.nodes[chosen.parent as usize];
             parent.children[chosen.slot as usize] = Child::inner(output.base + at as u32);

@@ -78,6 +78,13 @@ unsafe impl<T: Send> Send for Pages<T> {}
 // SAFETY: as above.
 unsafe impl<T: Sync> Sync for Pages<T> {}
 
+impl<T> Default for Pages<T> {
+    /// Nothing.
+    fn default() -> Self {
+        Self { start: NonNull::dangling(), len: 0, source: Source::Nobody }
+    }
+}
+
 impl<T: Zeroed> Pages<T> {
     /// `len` zeroes.
     pub(crate) fn zeroed(len: usize, what: &'static str) -> Result<Self, OutOfMemory> {

@@ -4,6 +4,7 @@ pub(crate) mod all;
 pub(crate) mod any;
 pub(crate) mod closest;
 pub(crate) mod count;
+pub(crate) mod filtered;
 pub(crate) mod many;
 
 use crate::layout::compact::Compact;

@@ -1,7 +1,7 @@
 //! From meshes and instances to a level that can be walked: gather, build, lower.
 
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
-use super::gather::{Prims, add_triangles};
+use super::gather::{Names, Prims, add_triangles};
 use super::place::{Placements, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
@@ -11,8 +11,9 @@ use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
 use crate::geometry::Mesh;
 use crate::geometry::triangle::Ordinary;
+use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
-use crate::layout::lower::{Packed, lower};
+use crate::layout::lower::{Packed, lower, split_leaves};
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
@@ -33,29 +34,30 @@ pub(super) fn assemble(
     report.builder = plan.builder.info().name;
 
     // Check and box what the leaves will hold: triangles first, then instances.
-    let mut prims = Prims::default();
+    let room = description.meshes.iter().map(|(mesh, _)| mesh.triangles().len()).sum();
+    let mut prims = Prims::with_room(room, description.instances.len())?;
     for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
         add_triangles(geom, mesh, options, &mut prims, &mut report)?;
     }
-    let triangles = prims.names.len();
+    let triangles = prims.triangles;
     let meshes = prims.meshes;
     let placements = place_instances(description.instances, meshes, options, &mut report)?;
     let placed =
         placements.instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds.is_empty());
     for (instance, index) in placed {
-        prims.bounds.push(instance.bounds);
-        prims.instances.push(index);
+        prims.add_instance(index, instance.bounds);
     }
 
     // Build the tree and pack it.
     let tree_time = Stopwatch::start();
-    let cut = Cuttable { meshes: &description.meshes, names: &prims.names, bounds: &prims.bounds };
-    let tree = plan.build(&prims.bounds, &cut, &options.context)?;
+    let bounds = prims.bounds();
+    let cut = Cuttable { meshes: &description.meshes, names: &prims.names, triangles, bounds };
+    let tree = plan.build(bounds, &cut, &options.context)?;
     report.tree_time = tree_time.elapsed();
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
     report.instances = prims.instances.len() as u64;
-    let structure = finish(description.meshes, placements, &prims, &tree, options)?;
+    let structure = finish(description.meshes, placements, prims, tree, plan.collapse, options)?;
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();
     Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
@@ -65,11 +67,19 @@ pub(super) fn assemble(
 fn finish(
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
-    prims: &Prims,
-    tree: &Tree,
+    mut prims: Prims,
+    tree: Tree,
+    collapse: Collapse,
     options: &BuildOptions<'_>,
 ) -> Result<Structure, SceneError> {
     let Placements { instances, reach, slack, paths } = placements;
+    // The boxes are not needed any more once leaves are small enough.
+    let repeats = tree.prims.len() > prims.bounds().len()
+        || instances.iter().any(|instance| instance.structure.repeats);
+    let tree = &split_leaves(tree, prims.bounds(), prims.triangles);
+    prims.forget_bounds();
+    // Where there is no instance, nobody looks for one.
+    let first_instance = if prims.instances.is_empty() { u32::MAX } else { prims.triangles as u32 };
     let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;
     let geometries: Vec<_> =
         meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect();
@@ -84,19 +94,18 @@ fn finish(
 
     let source = Source { geometries: &geometries, first_ids: &first_ids, names: &prims.names };
     let source = |prims: &[u32], packed: &mut [Packed]| source.fetch(prims, packed);
-    let triangles = prims.names.len();
     let cancel = &options.context.cancel;
     let (layout, order) = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
         LayoutChoice::Wide8 => {
-            let lowered = lower::<8>(tree, &prims.bounds, triangles, &source, cancel)?;
+            let lowered = lower::<8>(tree, first_instance, &source, collapse, cancel)?;
             (Layout::Wide8(lowered.wide), lowered.instances)
         }
         LayoutChoice::Wide16 => {
-            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
+            let lowered = lower::<16>(tree, first_instance, &source, collapse, cancel)?;
             (Layout::Wide16(lowered.wide), lowered.instances)
         }
         LayoutChoice::Compact => {
-            let lowered = lower::<16>(tree, &prims.bounds, triangles, &source, cancel)?;
+            let lowered = lower::<16>(tree, first_instance, &source, collapse, cancel)?;
             (Layout::Compact(pack(&lowered.wide, cancel)?), lowered.instances)
         }
     };
@@ -107,8 +116,6 @@ fn finish(
     }
     let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
 
-    let repeats = tree.prims.len() > prims.bounds.len()
-        || instances.iter().any(|instance| instance.structure.repeats);
     Ok(Structure {
         repeats,
         level,
@@ -122,6 +129,7 @@ fn finish(
         cover: cover(tree),
         ordinary: Ordinary::level(&reach),
         reach,
+        diagonal: tree.bounds().diagonal() as f32,
         reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
         slack,
         paths,
@@ -132,8 +140,8 @@ fn finish(
 struct Source<'a> {
     geometries: &'a [Geometry],
     first_ids: &'a [u32],
-    /// `(geom, prim)`. Only triangles without a defect have a name.
-    names: &'a [(u32, u32)],
+    /// Only triangles without a defect have one.
+    names: &'a Names,
 }
 
 /// Triangles that are fetched together.
@@ -143,23 +151,32 @@ impl Source<'_> {
     /// All numbers of vertices first, then all vertices: loads that do not wait for each other, so
     /// that many cache misses are on their way at once.
     fn fetch(&self, prims: &[u32], packed: &mut [Packed]) {
-        let one = match self.geometries {
-            // Where nothing was skipped, names are the numbers themselves.
-            [one] if one.mesh.triangles().len() == self.names.len() => Some(one),
-            _ => None,
-        };
         for (prims, packed) in prims.chunks(FETCH).zip(packed.chunks_mut(FETCH)) {
-            match one {
-                Some(one) => fetch_of(&one.mesh, prims, packed),
-                None => self.fetch_named(prims, packed),
+            match self.names {
+                Names::Whole { geom } => self.fetch_of(*geom as usize, prims, packed),
+                Names::Listed(names) => self.fetch_named(names, prims, packed),
             }
         }
     }
 
-    fn fetch_named(&self, prims: &[u32], packed: &mut [Packed]) {
+    /// Triangles of one mesh.
+    fn fetch_of(&self, geom: usize, prims: &[u32], packed: &mut [Packed]) {
+        let (mesh, first_id) = (&self.geometries[geom].mesh, self.first_ids[geom]);
+        let (positions, triangles) = (mesh.positions(), mesh.triangles());
+        let mut corners = [[0_u32; 3]; FETCH];
+        for (&prim, corners) in prims.iter().zip(&mut corners) {
+            *corners = triangles[prim as usize];
+        }
+        for ((&[a, b, c], &prim), packed) in corners.iter().zip(prims).zip(packed) {
+            let corner = |at: u32| positions.get(at as usize).copied().unwrap_or_default();
+            *packed = Packed { corners: [corner(a), corner(b), corner(c)], id: first_id + prim };
+        }
+    }
+
+    fn fetch_named(&self, all: &[(u32, u32)], prims: &[u32], packed: &mut [Packed]) {
         let mut names = [(0, 0); FETCH];
         for (&at, name) in prims.iter().zip(&mut names) {
-            *name = self.names[at as usize];
+            *name = all[at as usize];
         }
         for (&(geom, prim), packed) in names.iter().zip(packed) {
             let corners = self.geometries[geom as usize].mesh.corners(prim as usize);
@@ -168,19 +185,6 @@ impl Source<'_> {
                 id: self.first_ids[geom as usize] + prim,
             };
         }
-    }
-}
-
-/// Triangles of one mesh, whose ids are their numbers.
-fn fetch_of(mesh: &Mesh, prims: &[u32], packed: &mut [Packed]) {
-    let (positions, triangles) = (mesh.positions(), mesh.triangles());
-    let mut corners = [[0_u32; 3]; FETCH];
-    for (&prim, corners) in prims.iter().zip(&mut corners) {
-        *corners = triangles[prim as usize];
-    }
-    for ((&[a, b, c], &id), packed) in corners.iter().zip(prims).zip(packed) {
-        let corner = |at: u32| positions.get(at as usize).copied().unwrap_or_default();
-        *packed = Packed { corners: [corner(a), corner(b), corner(c)], id };
     }
 }
 

@@ -1,7 +1,7 @@
 //! From meshes to boxes: every triangle is checked, boxed and named.
 //!
-//! Boxes and names are written where they stay; only where a triangle was skipped does what comes
-//! after it move up. About 40 instructions a triangle for checking, as many for the box and 20 for
+//! Boxes are written where they stay; only where a triangle was skipped does what comes after it move
+//! up. Names are written down only where they are not the numbers themselves. About 40 instructions a triangle for checking, as many for the box and 20 for
 //! asking whether it is degenerate, which exact predicates decide for slivers only.
 
 use super::SceneError;
@@ -12,7 +12,7 @@ use crate::build::BuildError;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::{COORDINATE_MAX, Defect, Mesh};
 use crate::geometry::triangle;
-use crate::memory;
+use crate::memory::{self, Pages};
 use crate::tree::PRIMS_MAX;
 use alloc::vec::Vec;
 
@@ -23,24 +23,91 @@ const CHUNK: usize = 16_384;
 pub(super) struct Prims {
     /// Around all triangles.
     pub(super) meshes: Aabb,
-    /// Of the triangles, then of the instances.
-    pub(super) bounds: Vec<Aabb>,
-    /// `(geom, prim)` of the triangles.
-    pub(super) names: Vec<(u32, u32)>,
+    /// How many triangles.
+    pub(super) triangles: usize,
+    pub(super) names: Names,
     /// Indices of the instances, whose boxes come after those of the triangles.
     pub(super) instances: Vec<u32>,
+    /// Room for the boxes of the triangles, then of the instances.
+    bounds: Pages<Aabb>,
 }
 
-impl Default for Prims {
-    fn default() -> Self {
-        Self { meshes: Aabb::EMPTY, bounds: Vec::new(), names: Vec::new(), instances: Vec::new() }
+/// `(geom, prim)` of the triangles.
+pub(super) enum Names {
+    /// All triangles of one mesh.
+    Whole {
+        /// Which mesh.
+        geom: u32,
+    },
+    /// One after the other.
+    Listed(Vec<(u32, u32)>),
+}
+
+impl Names {
+    /// Of a triangle, by its number among the boxes.
+    #[inline(always)]
+    pub(super) fn of(&self, at: u32) -> (u32, u32) {
+        match self {
+            Self::Whole { geom } => (*geom, at),
+            Self::Listed(names) => names.get(at as usize).copied().unwrap_or_default(),
+        }
+    }
+
+    /// The names of the first `count` as a list, which has room for `all`.
+    fn into_list(self, count: usize, all: usize) -> Result<Vec<(u32, u32)>, BuildError> {
+        match self {
+            Self::Whole { geom } => {
+                let mut names = memory::try_with_capacity(all, "primitive names")?;
+                names.extend((0..count as u32).map(|prim| (geom, prim)));
+                Ok(names)
+            }
+            Self::Listed(mut names) => {
+                memory::try_reserve(&mut names, all - count, "primitive names")?;
+                Ok(names)
+            }
+        }
+    }
+}
+
+impl Prims {
+    /// Room for as many triangles and instances.
+    pub(super) fn with_room(triangles: usize, instances: usize) -> Result<Self, BuildError> {
+        let all = triangles.saturating_add(instances);
+        if all > PRIMS_MAX {
+            return Err(BuildError::TooManyPrims { prims: all as u64 });
+        }
+        Ok(Self {
+            meshes: Aabb::EMPTY,
+            triangles: 0,
+            names: Names::Whole { geom: 0 },
+            instances: Vec::new(),
+            bounds: Pages::zeroed(all, "primitive boxes")?,
+        })
+    }
+
+    /// Of the triangles, then of the instances.
+    pub(super) fn bounds(&self) -> &[Aabb] {
+        self.bounds.get(..self.triangles + self.instances.len()).unwrap_or_default()
+    }
+
+    /// Lets the boxes go.
+    pub(super) fn forget_bounds(&mut self) {
+        self.bounds = Pages::default();
+    }
+
+    /// Adds an instance; triangles must not follow.
+    pub(super) fn add_instance(&mut self, index: u32, bounds: Aabb) {
+        self.bounds[self.triangles + self.instances.len()] = bounds;
+        self.instances.push(index);
     }
 }
 
 /// What checking a chunk of triangles found.
 struct Checked {
-    /// How many are kept; they are at the front of the chunk's part of the arrays.
+    /// How many are kept; their boxes are at the front of the chunk's part of the array.
     kept: usize,
+    /// Which, if not all are.
+    which: Vec<u32>,
     /// Around those.
     bounds: Aabb,
     degenerate: u64,
@@ -56,36 +123,45 @@ pub(super) fn add_triangles(
     report: &mut BuildReport,
 ) -> Result<(), SceneError> {
     let triangles = mesh.triangles();
-    let (before, count) = (prims.names.len(), triangles.len());
-    let all = before + count;
-    if all > PRIMS_MAX {
-        return Err(BuildError::TooManyPrims { prims: all as u64 }.into());
+    let (before, count) = (prims.triangles, triangles.len());
+    if count == 0 {
+        return Ok(());
     }
-    memory::try_reserve(&mut prims.bounds, count, "primitive boxes")?;
-    memory::try_reserve(&mut prims.names, count, "primitive names")?;
     let cancel = &options.context.cancel;
-    while prims.names.len() < all {
-        cancel.check()?;
-        let more = all.min(prims.names.len() + CHUNK);
-        prims.bounds.resize(more, Aabb::EMPTY);
-        prims.names.resize(more, (0, 0));
-    }
-
-    let bounds = prims.bounds[before..].chunks_mut(CHUNK);
-    let chunks: Vec<_> =
-        bounds.zip(prims.names[before..].chunks_mut(CHUNK)).zip(triangles.chunks(CHUNK)).collect();
-    let chunks = chunks.into_iter().enumerate().collect();
-    let checked = parallel::map(chunks, |(chunk, ((bounds, names), triangles))| {
+    let room = &mut prims.bounds[before..before + count];
+    let chunks = room.chunks_mut(CHUNK).zip(triangles.chunks(CHUNK)).enumerate().collect();
+    let checked = parallel::map(chunks, |(chunk, (bounds, triangles))| {
         cancel.check()?;
         let first = (geom, chunk * CHUNK);
-        Ok(check(mesh, first, triangles, bounds, names))
+        Ok(check(mesh, first, triangles, bounds))
     });
+    let checked = checked.into_iter().collect::<Result<Vec<Checked>, Cancelled>>()?;
 
-    // Move up what comes after a skipped triangle.
+    // Name the triangles, if they are not all of one mesh.
+    let all_kept = checked.iter().map(|chunk| chunk.kept).sum::<usize>() == count;
+    if before == 0 && all_kept {
+        prims.names = Names::Whole { geom: geom as u32 };
+    } else {
+        let nothing = Names::Listed(Vec::new());
+        let names = core::mem::replace(&mut prims.names, nothing);
+        let mut names = names.into_list(before, before + count)?;
+        for (chunk, checked) in checked.iter().enumerate() {
+            cancel.check()?;
+            let first = (chunk * CHUNK) as u32;
+            if checked.which.is_empty() {
+                names.extend((first..).take(checked.kept).map(|prim| (geom as u32, prim)));
+            } else {
+                names.extend(checked.which.iter().map(|&prim| (geom as u32, prim)));
+            }
+        }
+        prims.names = Names::Listed(names);
+    }
+
+    // Move up the boxes that come after a skipped triangle.
     let mut end = before;
-    for (chunk, checked) in checked.into_iter().enumerate() {
-        let checked: Result<Checked, Cancelled> = checked;
-        let Checked { kept, bounds, degenerate, skipped } = checked?;
+    for (chunk, Checked { kept, bounds, degenerate, skipped, .. }) in
+        checked.into_iter().enumerate()
+    {
         if let (Invalid::Error, Some((geom, prim, defect))) =
             (options.invalid, skipped.first_triangle)
         {
@@ -94,7 +170,6 @@ pub(super) fn add_triangles(
         let begin = before + chunk * CHUNK;
         if end < begin {
             prims.bounds.copy_within(begin..begin + kept, end);
-            prims.names.copy_within(begin..begin + kept, end);
         }
         end += kept;
         prims.meshes = prims.meshes.union(&bounds);
@@ -105,41 +180,49 @@ pub(super) fn add_triangles(
         sum.bad_vertex += skipped.bad_vertex;
         sum.first_triangle = sum.first_triangle.or(skipped.first_triangle);
     }
-    prims.bounds.truncate(end);
-    prims.names.truncate(end);
+    prims.triangles = end;
     Ok(())
 }
 
-/// Boxes and names the sound ones of some triangles, of which `first` is the first.
+/// Boxes the sound ones of some triangles, of which `first` is the first.
 fn check(
     mesh: &Mesh,
     (geom, first): (usize, usize),
     triangles: &[[u32; 3]],
     bounds: &mut [Aabb],
-    names: &mut [(u32, u32)],
 ) -> Checked {
     let positions = mesh.positions();
     let corners = |[a, b, c]: [u32; 3]| {
         let corner = |index: u32| positions.get(index as usize);
         Some([*corner(a)?, *corner(b)?, *corner(c)?])
     };
-    let mut all =
-        Checked { kept: 0, bounds: Aabb::EMPTY, degenerate: 0, skipped: Skipped::default() };
+    let mut all = Checked {
+        kept: 0,
+        which: Vec::new(),
+        bounds: Aabb::EMPTY,
+        degenerate: 0,
+        skipped: Skipped::default(),
+    };
     for (&triangle, prim) in triangles.iter().zip(first..) {
         let Some(corners) = corners(triangle).filter(are_near) else {
             // One of the two is wrong: find out which, the slow way.
             if let Some(defect) = mesh.defect(prim) {
+                if all.skipped.triangles == 0 {
+                    all.which.extend(first as u32..prim as u32);
+                }
                 skip(&mut all.skipped, (geom, prim), defect);
             }
             continue;
         };
+        if all.skipped.triangles > 0 {
+            all.which.push(prim as u32);
+        }
         let around = Aabb::of_points(&corners);
         all.bounds = all.bounds.union(&around);
         if !surely_has_area(&corners) {
             all.degenerate += u64::from(triangle::is_degenerate(&corners));
         }
         bounds[all.kept] = around;
-        names[all.kept] = (geom as u32, prim as u32);
         all.kept += 1;
     }
     all

@@ -80,6 +80,36 @@ impl Scene {
         query::any::counted(&self.structure, ray, counters)
     }
 
+    /// The first hit of the ray that `accept` accepts: what alpha cut-outs ask.
+    ///
+    /// `accept` must be a pure function of the hit; how often and in which order it is asked is not
+    /// promised. The answer is the first of [`Scene::all`] that it accepts. Costs a call for each
+    /// hit that is looked at, and the walk goes on past those that are refused.
+    ///
+    /// ```
+    /// use treelet::{BuildOptions, Mesh, Ray, Scene};
+    ///
+    /// let mesh = Mesh::new(
+    ///     [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]],
+    ///     [[0, 1, 2], [3, 4, 5]],
+    /// );
+    /// let scene = Scene::builder().mesh(mesh).build(&BuildOptions::default())?;
+    /// let ray = Ray::new([0.25, 0.25, -3.0], [0.0, 0.0, 1.0]);
+    /// let hit = scene.closest_filtered(&ray, |hit| hit.prim != 0).unwrap();
+    /// assert_eq!((hit.prim, hit.t), (1, 4.0));
+    /// assert!(!scene.any_filtered(&ray, |hit| hit.prim > 1));
+    /// # Ok::<(), treelet::SceneError>(())
+    /// ```
+    pub fn closest_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> Option<Hit> {
+        query::filtered::closest(&self.structure, ray, &accept)
+    }
+
+    /// Whether the ray meets anything that `accept` accepts: shadows of alpha cut-outs. See
+    /// [`Scene::closest_filtered`].
+    pub fn any_filtered(&self, ray: &Ray, accept: impl Fn(&Hit) -> bool) -> bool {
+        query::filtered::any(&self.structure, ray, &accept)
+    }
+
     /// How many triangles the ray meets: the length of [`Scene::all`].
     pub fn count(&self, ray: &Ray) -> u64 {
         query::count::count(&self.structure, ray)

@@ -1,0 +1,101 @@
+//! `treelet bench`: treelet and its rivals on the same triangles and the same rays.
+
+mod flags;
+mod pages;
+mod peaks;
+mod steps;
+mod subject;
+
+pub(crate) use flags::Flags;
+
+use treelet_bench::crew::Clock;
+use treelet_bench::report::{EngineLine, Machine, Missing, Report};
+use treelet_bench::run::{self, BenchError, Plan};
+use treelet_bench::{marks, table};
+
+use crate::ending::{Ending, Failure};
+use crate::session::{Outcome, Session, say, warn};
+use flags::{HugePages, engines, plan};
+use steps::Steps;
+use subject::subject;
+
+/// Measures scene after scene.
+pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
+    if let Some(what) = &flags.peak_of {
+        return peaks::here(what, &flags, session);
+    }
+    if flags.hugepages == HugePages::All {
+        pages::allow()?;
+    } else {
+        pages::forbid();
+    }
+    let plan = plan(&flags, session);
+    let (mut engines, missing) = engines(&flags);
+    for Missing { name, reason } in &missing {
+        warn(&format!("{name} is left out: {reason}"));
+    }
+
+    let mut report = Report {
+        machine: machine(&flags, &plan),
+        engines: engines
+            .iter()
+            .map(|engine| EngineLine { name: engine.name().into(), version: engine.version() })
+            .collect(),
+        missing,
+        scenes: Vec::new(),
+        builds: Vec::new(),
+        traces: Vec::new(),
+        marks: Vec::new(),
+    };
+    for EngineLine { name, version } in &report.engines {
+        say(&format!("{name} {version}"));
+    }
+    let watcher = Steps::new(session.cancel.clone());
+    for scene in &flags.scenes {
+        let subject = subject(scene, &flags, session)?;
+        let mut result = run::scene(&subject, &mut engines, &plan, &watcher).map_err(failure)?;
+        for Missing { name, reason } in &result.left_out {
+            warn(&format!("{}: {name} is left out: {reason}", result.scene.scene));
+        }
+        drop(subject);
+        if !flags.no_peaks {
+            peaks::measure(&mut result.builds, scene, &flags, session, &watcher)?;
+        }
+        watcher.clear();
+        table::scene(&result.scene, &result.builds, &result.traces)
+            .iter()
+            .for_each(|line| say(line));
+        report.scenes.push(result.scene);
+        report.builds.extend(result.builds);
+        report.traces.extend(result.traces);
+    }
+    report.marks = marks::marks(&report.scenes, &report.builds, &report.traces);
+    table::marks(&report.marks).iter().for_each(|line| say(line));
+    Outcome::new("bench", &report, Ending::Done)
+}
+
+/// A wrong answer is a failed check; anything else an error.
+fn failure(error: BenchError) -> Failure {
+    match error {
+        BenchError::Cancelled => Failure::Cancelled,
+        BenchError::NoVariant { .. } => Failure::Usage(error.to_string()),
+        error => Failure::from(error),
+    }
+}
+
+fn machine(flags: &Flags, plan: &Plan) -> Machine {
+    Machine {
+        processor: Machine::processor_name(),
+        processors: std::thread::available_parallelism().map_or(1, usize::from),
+        system: format!("{} {}", std::env::consts::OS, std::env::consts::ARCH),
+        huge_pages: flags.hugepages == HugePages::All,
+        huge_pages_system: Machine::huge_pages_setting(),
+        clock: match plan.clock {
+            Clock::Wall => "wall",
+            Clock::Processor => "processor",
+        },
+        rounds: plan.rounds.count,
+        seconds: plan.rounds.seconds,
+    }
+}
+
