@@ -13,7 +13,7 @@ use core::fmt::Debug;
 pub(crate) type Block = [f32; BLOCK_WORDS];
 
 /// Bytes that are fetched together, on most processors.
-pub(crate) const CACHE_LINE: usize = 64;
+const CACHE_LINE: usize = 64;
 
 /// A way to write nodes of `W` children, and leaves.
 pub(crate) trait Packing<const W: usize>: Copy + Debug + Send + Sync + 'static {

@@ -3,7 +3,7 @@
 use crate::bounds::{Interval, SlabRay};
 use crate::geometry::TriangleRay;
 use crate::geometry::block::{self, BlockHits, Corners};
-use crate::layout::packing::{Block, CACHE_LINE};
+use crate::layout::packing::Block;
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::{Floats, Four, Function, NO_BYTE, Shuffle, Simd};
 use core::marker::PhantomData;
@@ -121,9 +121,6 @@ impl<'a> Function for Test<'a> {
         clip: &'a Interval,
         range: (f32, f32),
     ) -> BlockHits {
-        // Where vertices are is known when the header has come: do not wait for memory twice.
-        simd.prefetch(&leaf[CACHE_LINE]);
-        simd.prefetch(&leaf[2 * CACHE_LINE]);
         let count = (count - 1) % LEAF_MAX + 1;
         block::hit(simd, Reader::new(leaf, count), count, ray, slab, clip, range)
     }
