@@ -59,6 +59,10 @@ fn inspect_counts_what_is_wrong() {
     assert_eq!(json["degenerate"], 1);
     assert_eq!(json["non_finite"], 1);
     assert_eq!(json["index_out_of_range"], 0);
+    let layouts = json["layouts"].as_array().unwrap();
+    let names: Vec<_> = layouts.iter().map(|layout| layout["layout"].as_str().unwrap()).collect();
+    assert_eq!(names, treelet::layout::ALL.iter().map(|info| info.name).collect::<Vec<_>>());
+    assert!(layouts.iter().all(|layout| layout["bytes_per_triangle"].as_f64().unwrap() > 0.0));
     assert_eq!(json["duplicate"], 1);
     assert_eq!(json["bounds"], serde_json::json!([[0.0, 0.0, 0.0], [2.0, 1.0, 4.0]]));
     let builders = json["builders"].as_array().unwrap();

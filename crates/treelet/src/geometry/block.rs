@@ -47,43 +47,67 @@ impl<'a, const N: usize> Function for BlockTest<'a, N> {
         (rows, count): (&'a [f32; N], usize),
         (ray, slab): (&'a TriangleRay, &'a SlabRay),
         clip: &'a Interval,
-        (entry, exit): (f32, f32),
+        range: (f32, f32),
     ) -> BlockHits {
-        hit(simd, rows, count, ray, slab, clip, &Interval { entry, exit })
+        let count = (count - 1) % LANES + 1;
+        hit(simd, Rows { rows, count }, count, ray, slab, clip, range)
     }
 }
 
+/// Where the corners of up to four triangles come from.
+pub(crate) trait Corners: Copy {
+    /// A corner of each: its coordinates along three axes, one after the other in the order of
+    /// `x, y, z`, from any of them on.
+    fn corner<S: Simd>(&self, simd: S, corner: usize, axes: [u8; 3]) -> [S::F4; 3];
+}
+
+/// Rows of `count` words, a triangle a lane.
+#[derive(Clone, Copy)]
+struct Rows<'a, const N: usize> {
+    rows: &'a [f32; N],
+    count: usize,
+}
+
+impl<const N: usize> Corners for Rows<'_, N> {
+    #[inline(always)]
+    fn corner<S: Simd>(&self, simd: S, corner: usize, [x, y, z]: [u8; 3]) -> [S::F4; 3] {
+        const { assert!(N >= LANES * 9 + LANES + LANES) }
+        [
+            S::F4::load(simd, self.row(corner, x)),
+            S::F4::load(simd, self.row(corner, y)),
+            S::F4::load(simd, self.row(corner, z)),
+        ]
+    }
+}
+
+impl<const N: usize> Rows<'_, N> {
+    #[inline(always)]
+    fn row(&self, corner: usize, axis: u8) -> &[f32; LANES] {
+        let start = (3 * corner + usize::from(axis & 3)) * self.count;
+        let lanes = self.rows.get(start..start + LANES);
+        lanes.and_then(<[f32]>::first_chunk).unwrap_or(&[0.0; LANES])
+    }
+}
+
+/// What [`BlockTest`] says, of the first `count` triangles.
 #[inline(always)]
-fn hit<S: Simd, const N: usize>(
+pub(crate) fn hit<S: Simd>(
     simd: S,
-    rows: &[f32; N],
+    corners: impl Corners,
     count: usize,
     ray: &TriangleRay,
     slab: &SlabRay,
     clip: &Interval,
-    range: &Interval,
+    range: (f32, f32),
 ) -> BlockHits {
-    const { assert!(N >= LANES * 9 + LANES + LANES) }
-    let count = (count - 1) % LANES + 1;
     let splat = |x: f32| S::F4::splat(simd, x);
-    let row =
-        |corner: usize, start: usize| S::F4::load(simd, row(rows, 3 * corner * count + start));
 
     // Move to the origin and shear.
-    let [x, y, z] = ray.axes;
-    let [x, y, z] = [usize::from(x & 3), usize::from(y & 3), usize::from(z & 3)];
-    let [x, y, z] = [x * count, y * count, z * count];
     let origin = [splat(ray.origin[0]), splat(ray.origin[1]), splat(ray.origin[2])];
     let shear = [splat(ray.shear[0]), splat(ray.shear[1])];
-    let sheared = |corner: usize| {
-        let depth = row(corner, z).sub(origin[2]);
-        [
-            row(corner, x).sub(origin[0]).sub(shear[0].mul(depth)),
-            row(corner, y).sub(origin[1]).sub(shear[1].mul(depth)),
-            depth,
-        ]
-    };
-    let (a, b, c) = (sheared(0), sheared(1), sheared(2));
+    let a = sheared::<S>(corners.corner(simd, 0, ray.axes), origin, shear);
+    let b = sheared::<S>(corners.corner(simd, 1, ray.axes), origin, shear);
+    let c = sheared::<S>(corners.corner(simd, 2, ray.axes), origin, shear);
 
     // Strictly mixed signs are certain even in f32: worth asking first where f64 takes twice the
     // instructions (where it does not, most leaves that are reached are hit, and this cost 3 to 6 %).
@@ -123,31 +147,39 @@ fn hit<S: Simd, const N: usize>(
     if !ray.ordinary || outside & mask != 0 {
         // A determinant of zero makes `t` no number, and comparisons below say no.
         let infinite = S::D4::splat(simd, f64::INFINITY);
-        let (met, inside) = clamped(simd, rows, count, slab, clip, t);
+        let (met, inside) = clamped(simd, corners, slab, clip, t);
         mask &= met & det.lt(infinite) & S::D4::splat(simd, f64::NEG_INFINITY).lt(det);
         t = inside;
     }
-    mask &= splat(range.entry).le(t) & t.le(splat(range.exit));
+    mask &= splat(range.0).le(t) & t.le(splat(range.1));
     BlockHits { mask, t: t.lanes(), u: v.narrow().lanes(), v: w.narrow().lanes() }
+}
+
+/// Corners moved to the origin and sheared. (A function, since closures in kernels may end up
+/// outside of them.)
+#[inline(always)]
+fn sheared<S: Simd>([x, y, z]: [S::F4; 3], origin: [S::F4; 3], shear: [S::F4; 2]) -> [S::F4; 3] {
+    let depth = z.sub(origin[2]);
+    [x.sub(origin[0]).sub(shear[0].mul(depth)), y.sub(origin[1]).sub(shear[1].mul(depth)), depth]
 }
 
 /// `t` of each lane, clamped into the interval of the triangle's own box and of `clip`, and where
 /// that is possible.
 #[inline(always)]
-fn clamped<S: Simd, const N: usize>(
+fn clamped<S: Simd>(
     simd: S,
-    rows: &[f32; N],
-    count: usize,
+    corners: impl Corners,
     slab: &SlabRay,
     clip: &Interval,
     t: S::F4,
 ) -> (u32, S::F4) {
     let splat = |x: f32| S::F4::splat(simd, x);
-    let row = |k: usize| S::F4::load(simd, row(rows, k * count));
+    let a = corners.corner(simd, 0, [0, 1, 2]);
+    let b = corners.corner(simd, 1, [0, 1, 2]);
+    let c = corners.corner(simd, 2, [0, 1, 2]);
     let (mut entry, mut exit) = (splat(f32::NEG_INFINITY), splat(f32::INFINITY));
     for axis in 0..3 {
-        let (a, b, c) = (row(axis), row(3 + axis), row(6 + axis));
-        let (lo, hi) = (c.min(b.min(a)), c.max(b.max(a)));
+        let (lo, hi) = (c[axis].min(b[axis].min(a[axis])), c[axis].max(b[axis].max(a[axis])));
         let reciprocal = splat(slab.reciprocal(axis));
         let lower = lo.sub(splat(slab.side(0, axis))).mul(reciprocal);
         let upper = hi.sub(splat(slab.side(1, axis))).mul(reciprocal);
@@ -159,10 +191,4 @@ fn clamped<S: Simd, const N: usize>(
     let exit = splat(clip.exit).min(exit);
     let finite = t.lt(splat(f32::INFINITY)) & splat(f32::NEG_INFINITY).lt(t);
     (entry.le(exit) & finite, exit.min(entry.max(t)))
-}
-
-/// The lanes from a word on; nothing beyond the block.
-#[inline(always)]
-fn row<const N: usize>(rows: &[f32; N], start: usize) -> &[f32; LANES] {
-    rows.get(start..start + LANES).and_then(<[f32]>::first_chunk).unwrap_or(&[0.0; LANES])
 }

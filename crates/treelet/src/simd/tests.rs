@@ -96,7 +96,7 @@ fn four<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
         bits.push(u64::from(a.signs()));
         let bytes = core::array::from_fn(|i| (29 * i + shift) as u8);
         let shuffle = core::array::from_fn(|i| {
-            if (i + shift) % 5 == 0 { NO_BYTE } else { ((7 * i + first) % 16) as u8 }
+            if (i + shift).is_multiple_of(5) { NO_BYTE } else { ((7 * i + first) % 16) as u8 }
         });
         bits.extend(size.add_bytes(&bytes, &shuffle).lanes().map(narrow_bits));
         bits.extend(

@@ -9,7 +9,7 @@ use super::slack::Slack;
 use super::structure::Structure;
 use crate::bounds::{Aabb, Interval, SlabRay, slab};
 use crate::geometry::bundle::Bundle;
-use crate::geometry::triangle::{Ordinary, NEXT, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
+use crate::geometry::triangle::{NEXT, Ordinary, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
 use crate::math::Ray;
 use crate::simd::{Floats, Scalar, Simd};
 

@@ -2,68 +2,108 @@
 
 use crate::bounds::{Interval, SlabRay};
 use crate::geometry::TriangleRay;
-use crate::geometry::block::{BlockHits, BlockTest};
+use crate::geometry::block::{self, BlockHits, Corners};
 use crate::layout::packing::Block;
-use crate::layout::wide::{BLOCK_WORDS, LEAF_MAX};
+use crate::layout::wide::LEAF_MAX;
 use crate::simd::{Floats, Four, Function, NO_BYTE, Shuffle, Simd};
 use core::marker::PhantomData;
 
 /// Bytes before the ids.
-const HEADER: usize = 24;
+const HEADER: usize = 20;
+/// Where the header names the corners' vertices, and the form.
+const NAMES: usize = 9;
 /// Where the least id is.
-const LEAST_ID: usize = 20;
-/// Where the header names the corners' vertices and the form.
-const CORNERS: usize = 12;
+const LEAST_ID: usize = 16;
 /// Bits that name a vertex.
 const NAME_BITS: usize = 4;
-/// Where the form is, in bits after `CORNERS`: that of vertices, then, in a byte of its own, how many
-/// bytes ids have, less one.
+/// Where the form of vertices is, in bits after `NAMES`.
 const FORM_SHIFT: usize = 3 * LEAF_MAX * NAME_BITS;
-const ID_SHIFT: usize = FORM_SHIFT + 8;
-const ID_WIDTH: usize = CORNERS + ID_SHIFT / 8;
+/// Where the bytes of an id are, less one.
+const ID_SHIFT: usize = FORM_SHIFT + 5;
 /// Vertices of a leaf, at most.
 const VERTICES_MAX: usize = 3 * LEAF_MAX;
+/// The last bits of what is least, which are zero.
+const LEAST_ZEROS: u32 = 0xFF;
 
 /// Leaves begin at multiples of this.
 pub(super) const ALIGN: usize = 4;
 
 /// Bytes that a leaf is read as: wherever an offset of a byte could lead.
-pub(super) const READ: usize = HEADER + 4 * LEAF_MAX + u8::MAX as usize + 16;
+pub(super) const READ: usize = VERTICES_END + u8::MAX as usize + 16;
+/// Vertices begin before.
+const VERTICES_END: usize = 64;
+const _: () = assert!(HEADER + 4 * LEAF_MAX < VERTICES_END);
 
 /// What a leaf is read as.
 pub(crate) type Bytes = [u8; READ];
 
-/// How a vertex is written.
-#[derive(Clone, Copy)]
-struct Form {
-    /// Its bytes, as the bytes of three words.
-    shuffle: Shuffle,
-    stride: u8,
+/// How a vertex is written: its bytes, as the bytes of three words. The words are those of the axes
+/// in the order of `x, y, z`, from the one after `last` on.
+const fn form(widths: [u8; 3], last: usize) -> Shuffle {
+    let mut shuffle = [NO_BYTE; 16];
+    let mut word = 0;
+    while word < 3 {
+        let axis = (last + 1 + word) % 3;
+        let before = [0, widths[0], widths[0] + widths[1]][axis];
+        let mut byte = 0;
+        while byte < widths[axis] {
+            shuffle[4 * word + byte as usize] = before + byte;
+            byte += 1;
+        }
+        word += 1;
+    }
+    shuffle
 }
 
-/// Forms, rounded up to what five bits can name.
-static FORMS: [Form; 32] = {
-    let mut forms = [Form { shuffle: [NO_BYTE; 16], stride: 0 }; 32];
-    let mut name = 0;
-    while name < 27 {
-        let widths = [name / 9 + 2, name / 3 % 3 + 2, name % 3 + 2];
-        let form = &mut forms[name];
-        let mut axis = 0;
-        while axis < 3 {
-            let mut byte = 0;
-            while byte < widths[axis] {
-                form.shuffle[4 * axis + byte] = form.stride;
-                form.stride += 1;
-                byte += 1;
-            }
-            axis += 1;
-        }
-        name += 1;
+/// Forms rounded up to what five bits can name.
+const FORMS: usize = 32;
+
+/// Bytes of the coordinates, by form.
+const fn widths(form: usize) -> [u8; 3] {
+    [(form / 9 % 3) as u8 + 2, (form / 3 % 3) as u8 + 2, (form % 3) as u8 + 2]
+}
+
+/// By last axis and form.
+static VERTEX: [[Shuffle; FORMS]; 3] = {
+    let mut shuffles = [[[NO_BYTE; 16]; FORMS]; 3];
+    let mut at = 0;
+    while at < 3 * FORMS {
+        shuffles[at / FORMS][at % FORMS] = form(widths(at % FORMS), at / FORMS);
+        at += 1;
     }
-    forms
+    shuffles
 };
 
-/// [`BlockTest`] for the triangles of a leaf.
+/// By form: bytes of a vertex.
+static STRIDE: [u8; FORMS] = {
+    let mut strides = [0; FORMS];
+    let mut form = 0;
+    while form < FORMS {
+        let [x, y, z] = widths(form);
+        strides[form] = x + y + z;
+        form += 1;
+    }
+    strides
+};
+
+/// By last axis: the upper three bytes of what is least.
+static LEAST: [Shuffle; 3] = {
+    let mut shuffles = [[NO_BYTE; 16]; 3];
+    let mut at = 0;
+    while at < 9 {
+        let (last, word) = (at / 3, at % 3);
+        let axis = (last + 1 + word) % 3;
+        let mut byte = 0;
+        while byte < 3 {
+            shuffles[last][4 * word + 1 + byte] = (3 * axis + byte) as u8;
+            byte += 1;
+        }
+        at += 1;
+    }
+    shuffles
+};
+
+/// [`BlockTest`](crate::geometry::block::BlockTest) for the triangles of a leaf.
 pub(super) struct Test<'a>(PhantomData<&'a ()>);
 
 impl<'a> Function for Test<'a> {
@@ -77,28 +117,19 @@ impl<'a> Function for Test<'a> {
     fn run<S: Simd>(
         simd: S,
         (leaf, count): (&'a Bytes, usize),
-        ray: (&'a TriangleRay, &'a SlabRay),
+        (ray, slab): (&'a TriangleRay, &'a SlabRay),
         clip: &'a Interval,
         range: (f32, f32),
     ) -> BlockHits {
-        let mut block = [0.0; BLOCK_WORDS];
-        decode(simd, leaf, count, &mut block);
-        let mut hits = <BlockTest<'_, BLOCK_WORDS> as Function>::run(
-            simd,
-            (&block, LEAF_MAX),
-            ray,
-            clip,
-            range,
-        );
-        hits.mask &= (1 << count) - 1;
-        hits
+        let count = (count - 1) % LEAF_MAX + 1;
+        block::hit(simd, Reader::new(leaf, count), count, ray, slab, clip, range)
     }
 }
 
 /// The id of a triangle.
 #[inline(always)]
 pub(super) fn id(leaf: &Bytes, triangle: usize) -> u32 {
-    let width = usize::from(leaf[ID_WIDTH] & 3) + 1;
+    let width = id_width(names(leaf));
     let at = HEADER + triangle % LEAF_MAX * width;
     let exceeds = word(leaf, at) & u32::MAX >> (32 - 8 * width);
     word(leaf, LEAST_ID).wrapping_add(exceeds)
@@ -109,41 +140,83 @@ fn word(leaf: &Bytes, at: usize) -> u32 {
     u32::from_le_bytes([leaf[at], leaf[at + 1], leaf[at + 2], leaf[at + 3]])
 }
 
-/// Reads the corners of a leaf's triangles: rows four words apart. (Its ids only hits ask for.)
+/// The names of vertices, the form and the bytes of an id; anything above.
+#[inline(always)]
+fn names(leaf: &Bytes) -> u64 {
+    u64::from(word(leaf, NAMES)) | u64::from(word(leaf, NAMES + 4)) << 32
+}
+
+#[inline(always)]
+fn id_width(names: u64) -> usize {
+    (names >> ID_SHIFT) as usize % 4 + 1
+}
+
+/// Reads the corners of a leaf's triangles.
+#[derive(Clone, Copy)]
+pub(super) struct Reader<'a> {
+    leaf: &'a Bytes,
+    /// Where vertices begin.
+    vertices: usize,
+    form: usize,
+    /// Where those of every other corner begin after that, a byte each.
+    offsets: [u64; 2],
+}
+
+impl<'a> Reader<'a> {
+    #[inline(always)]
+    pub(super) fn new(leaf: &'a Bytes, count: usize) -> Self {
+        let names = names(leaf);
+        let form = (names >> FORM_SHIFT) as usize % FORMS;
+        // Names times bytes a vertex: six products at once, none above a byte.
+        const EVERY_OTHER: u64 = 0x0F0F_0F0F_0F0F;
+        let stride = u64::from(STRIDE[form]);
+        let even = (names & EVERY_OTHER).wrapping_mul(stride);
+        let odd = (names >> NAME_BITS & EVERY_OTHER).wrapping_mul(stride);
+        Self { leaf, vertices: HEADER + id_width(names) * count, form, offsets: [even, odd] }
+    }
+
+    /// The bytes of a corner's vertex, and some more. (A function, since closures in kernels may end
+    /// up outside of them.)
+    #[inline(always)]
+    fn vertex(&self, corner: usize) -> &'a [u8; 16] {
+        let offset = (self.offsets[corner % 2] >> (corner / 2 * 8)) as u8;
+        let at = self.vertices % VERTICES_END + usize::from(offset);
+        self.leaf.get(at..at + 16).and_then(<[u8]>::first_chunk).unwrap_or(&[0; 16])
+    }
+}
+
+impl Corners for Reader<'_> {
+    #[inline(always)]
+    fn corner<S: Simd>(&self, simd: S, corner: usize, [.., last]: [u8; 3]) -> [S::F4; 3] {
+        let last = usize::from(last).min(2);
+        let shuffle = &VERTEX[last][self.form];
+        let zero = S::F4::splat(simd, 0.0);
+        let least = self.leaf.first_chunk().unwrap_or(&[0; 16]);
+        let least = zero.add_bytes(least, &LEAST[last]);
+        let at = LEAF_MAX * corner;
+        S::F4::columns([
+            least.add_bytes(self.vertex(at), shuffle),
+            least.add_bytes(self.vertex(at + 1), shuffle),
+            least.add_bytes(self.vertex(at + 2), shuffle),
+            least.add_bytes(self.vertex(at + 3), shuffle),
+        ])
+    }
+}
+
+/// Writes the leaf as a block whose rows are four words apart.
 #[inline(always)]
 pub(super) fn decode<S: Simd>(simd: S, leaf: &Bytes, count: usize, block: &mut Block) {
-    let word = |at: usize| word(leaf, at);
-    let four = |at: usize| {
-        let [a, b, c, d] = [word(at), word(at + 4), word(at + 8), word(at + 12)];
-        let float = f32::from_bits;
-        S::F4::load(simd, &[float(a), float(b), float(c), float(d)])
-    };
-    let corners = u64::from(word(CORNERS)) | u64::from(word(CORNERS + 4)) << 32;
-    let form = &FORMS[(corners >> FORM_SHIFT) as usize % FORMS.len()];
-    let id_width = usize::from(leaf[ID_WIDTH] & 3) + 1;
-    let vertices = HEADER + id_width * ((count - 1) % LEAF_MAX + 1);
-    let least = four(0);
-
-    // Where vertices are: names times bytes a vertex, six products at once, none above a byte.
-    const EVERY_OTHER: u64 = 0x0F0F_0F0F_0F0F;
-    let stride = u64::from(form.stride);
-    let even = (corners & EVERY_OTHER).wrapping_mul(stride);
-    let odd = (corners >> NAME_BITS & EVERY_OTHER).wrapping_mul(stride);
-
-    // Corner by corner, the vertices of four triangles, turned into rows.
-    let vertex = |at: usize| {
-        let offset = if at % 2 == 0 { even } else { odd } >> (at / 2 * 8);
-        let at = vertices + usize::from(offset as u8);
-        let bytes = leaf.get(at..at + 16).and_then(<[u8]>::first_chunk);
-        least.add_bytes(bytes.unwrap_or(&[0; 16]), &form.shuffle)
-    };
+    let count = (count - 1) % LEAF_MAX + 1;
+    let reader = Reader::new(leaf, count);
     for corner in 0..3 {
-        let at = LEAF_MAX * corner;
-        let rows = S::F4::columns([vertex(at), vertex(at + 1), vertex(at + 2), vertex(at + 3)]);
+        let rows = reader.corner(simd, corner, [0, 1, 2]);
         for axis in 0..3 {
             let row = LEAF_MAX * (3 * corner + axis);
             block[row..row + LEAF_MAX].copy_from_slice(&rows[axis].lanes());
         }
+    }
+    for triangle in 0..count {
+        block[9 * LEAF_MAX + triangle] = f32::from_bits(id(leaf, triangle));
     }
 }
 
@@ -157,8 +230,8 @@ fn bytes_of(number: u32) -> usize {
 pub(super) struct Leaf {
     vertices: [[u32; 3]; VERTICES_MAX],
     len: usize,
-    /// As the header names them.
-    corners: u64,
+    /// As in the header.
+    names: u64,
     ids: [u32; LEAF_MAX],
     count: usize,
     least: [u32; 3],
@@ -175,7 +248,7 @@ impl Leaf {
         let mut leaf = Self {
             vertices: [[0; 3]; VERTICES_MAX],
             len: 0,
-            corners: 0,
+            names: 0,
             ids: [0; LEAF_MAX],
             count,
             least: [u32::MAX; 3],
@@ -191,7 +264,7 @@ impl Leaf {
                 let bits = |axis: usize| block[(3 * corner + axis) * count + triangle].to_bits();
                 let vertex = [bits(0), bits(1), bits(2)];
                 let name = leaf.name(vertex) as u64;
-                leaf.corners |= name << (NAME_BITS * (LEAF_MAX * corner + lane));
+                leaf.names |= name << (NAME_BITS * (LEAF_MAX * corner + lane));
                 for axis in 0..3 {
                     leaf.least[axis] = leaf.least[axis].min(vertex[axis]);
                     most[axis] = most[axis].max(vertex[axis]);
@@ -203,12 +276,13 @@ impl Leaf {
             most_id = most_id.max(id);
         }
         for axis in 0..3 {
+            leaf.least[axis] &= !LEAST_ZEROS;
             leaf.widths[axis] = bytes_of(most[axis] - leaf.least[axis]).max(2);
         }
         leaf.id_width = bytes_of(most_id - leaf.least_id).max(1);
         let [x, y, z] = leaf.widths;
-        leaf.corners |= (((x - 2) * 9 + (y - 2) * 3 + (z - 2)) as u64) << FORM_SHIFT;
-        leaf.corners |= (leaf.id_width as u64 - 1) << ID_SHIFT;
+        leaf.names |= (((x - 2) * 9 + (y - 2) * 3 + (z - 2)) as u64) << FORM_SHIFT;
+        leaf.names |= (leaf.id_width as u64 - 1) << ID_SHIFT;
         leaf
     }
 
@@ -236,9 +310,9 @@ impl Leaf {
             at += bytes.len();
         };
         for least in self.least {
-            put(&least.to_le_bytes());
+            put(&least.to_le_bytes()[1..]);
         }
-        put(&self.corners.to_le_bytes());
+        put(&self.names.to_le_bytes()[..LEAST_ID - NAMES]);
         put(&self.least_id.to_le_bytes());
         for id in &self.ids[..self.count] {
             put(&(id - self.least_id).to_le_bytes()[..self.id_width]);
@@ -254,7 +328,7 @@ impl Leaf {
 
 #[cfg(test)]
 mod tests {
-    use super::{Block, LEAF_MAX, Leaf, READ, decode, id};
+    use super::{Block, LEAF_MAX, Leaf, READ, decode};
     use crate::layout::compact::Random;
     use crate::layout::wide::BLOCK_WORDS;
     use crate::simd::Scalar;
@@ -268,7 +342,7 @@ mod tests {
         let mut id_widths_seen = [false; 5];
         for round in 0..4000 {
             let count = round % LEAF_MAX + 1;
-            let exponents = [0, 1, 2].map(|axis: usize| (round / 4 >> axis) % 9);
+            let exponents = [0, 1, 2].map(|axis: usize| ((round / 4) >> axis) % 9);
             let mut pool: Vec<[f32; 3]> = Vec::new();
             for _ in 0..[3, 6, 12][round % 3] {
                 let unit = [random.unit(), random.unit(), random.unit()];
@@ -297,16 +371,12 @@ mod tests {
             let mut read: Block = [0.0; BLOCK_WORDS];
             let bytes = bytes[8..].first_chunk().unwrap();
             decode(Scalar, bytes, count, &mut read);
-            for row in 0..9 {
+            for row in 0..10 {
                 for triangle in 0..count {
                     let expected = block[row * count + triangle].to_bits();
                     let found = read[row * LEAF_MAX + triangle].to_bits();
                     assert_eq!(found, expected, "round {round}, row {row}, triangle {triangle}");
                 }
-            }
-            for triangle in 0..count {
-                let expected = block[9 * count + triangle].to_bits();
-                assert_eq!(id(bytes, triangle), expected, "round {round}, triangle {triangle}");
             }
         }
         assert_eq!(widths_seen, [false, false, true, true, true]);

@@ -23,24 +23,31 @@
 //!
 //! | bytes  | field    | meaning                                                                      |
 //! |--------|----------|------------------------------------------------------------------------------|
-//! | 0..12  | least    | by axis: the least of the vertices' bits, as unsigned numbers                |
-//! | 12..18 | corners  | 4 bits each: which vertex; of four triangles, the first corners, the second, |
+//! | 0..9   | least    | by axis: the least of the vertices' bits, as unsigned numbers, without the   |
+//! |        |          | last 8 bits, which are taken as zero                                         |
+//! | 9..15  | names    | 4 bits each: which vertex; of four triangles, the first corners, the second, |
 //! |        |          | the third. The last triangle is there again where there are fewer            |
-//! | 18     | form     | `9 (x - 2) + 3 (y - 2) + (z - 2)` for `x`, `y` and `z` bytes a coordinate    |
-//! | 19     | id width | bytes of an id, less one                                                     |
-//! | 20..24 | least id |                                                                              |
-//! | 24..   | ids      | what each exceeds the least by                                               |
+//! | 15     | form     | `9 (x - 2) + 3 (y - 2) + (z - 2) + 32 (i - 1)` for `x`, `y` and `z` bytes a  |
+//! |        |          | coordinate and `i` bytes an id                                               |
+//! | 16..20 | least id |                                                                              |
+//! | 20..   | ids      | what each exceeds the least by                                               |
 //! | ..     | vertices | each once: by axis, what its bits exceed the least by                        |
 //!
 //! A leaf begins at a multiple of four bytes: that multiple is what its [`Child`] word says. What
-//! vertices exceed the least by needs few bytes, since leaves are small: bits of f32 of one sign
-//! are in the order of the numbers, and neighbours differ in the last ones. Where signs differ, it takes all four
-//! bytes. Nothing is rounded: the corners are the caller's f32, bit for bit.
+//! vertices exceed the least by needs few bytes, since leaves are small: bits of f32 of one sign are
+//! in the order of the numbers, and neighbours differ in the last ones. Where signs differ, it takes
+//! all four bytes. Nothing is rounded: the corners are the caller's f32, bit for bit.
 //!
 //! # What it costs
 //!
-//! Three instructions a vector of planes more than the wide layouts, and about 100 a leaf. Leaves hold
-//! at most 2 GiB a tree. Lowering goes through the wide layout ([`pack`]).
+//! Measured, AVX-512, one thread, bytes a triangle and the speed of single rays against 16 wide children:
+//! kitchen (1.4 M triangles) 25.7, primary 0.81, occlusion 0.93, diffuse 0.87, random 0.90; hair (1.2 M)
+//! 37.8, 0.78 to 0.82; a height field (4 M) 24.2, 0.78, 0.86, 0.83, 0.97; a turbine (0.2 M, in the
+//! cache) 28.2, 0.72 to 0.86. 12 M separate triangles take 40.6: 36 of them are vertices and 4 ids
+//! before there is a node. Rays there visit many leaves in vain: 0.60 to 0.70.
+//!
+//! That is three instructions a vector of planes more than the wide layouts, and about 90 a leaf.
+//! Leaves hold at most 2 GiB a tree. Lowering goes through the wide layout ([`pack`]).
 //!
 //! # What was tried
 //!
@@ -50,10 +57,14 @@
 //!   With 16 bits, visits are those of the wide layout to three digits.
 //! - Nodes of 8 children: as many bytes (27.1 a triangle instead of 26.8), 3 to 14 % slower with
 //!   AVX-512, and with AVX2 and SSE4.2 from 5 % faster (primary rays) to 11 % slower (random ones).
-//! - Names times bytes a vertex, one after the other: 12 multiplications instead of two, 5 % slower.
+//! - Leaves read into a block in memory, which was then tested: camera rays 0.76 of the wide layout's
+//!   speed instead of 0.81 (kitchen); stores are waited for. Closures there, not functions: 0.54.
+//! - Names times bytes a vertex, one after the other: 12 multiplications instead of two, 1 to 4 % slower.
+//! - Asking for all lines of a leaf before its header is read: 0.61 of the wide layout's speed instead of
+//!   0.60 where rays miss the cache most (2 million separate triangles): not memory, but reading.
 //! - Not built, but counted on the trees of eleven scenes, leaves alone, bytes a triangle (kitchen,
-//!   hair, 12 million separate triangles): as here 18.3, 24.3, 34.2; vertices as plain f32 24.9, 26.9,
-//!   42.1; one table of vertices for all leaves of a node 13.6, 15.4, 34.1, where a leaf needs its node
+//!   hair, 12 million separate triangles): about as here 18.3, 24.3, 34.2; vertices as plain f32 24.9,
+//!   26.9, 42.1; one table of vertices for all leaves of a node 13.6, 15.4, 34.1, where a leaf needs its node
 //!   and lies in more cache lines.
 //!
 //! Sources: H. Ylitie, T. Karras, S. Laine, "Efficient Incoherent Ray Traversal on GPUs Through
@@ -78,7 +89,7 @@ use crate::simd::{Floats, Simd, Wide};
 /// The catalogue's entry.
 pub const INFO: Info = Info {
     name: "compact",
-    summary: "up to 16 children a node, 288 bytes; about 18 to 22 bytes a triangle of a mesh",
+    summary: "up to 16 children a node, 288 bytes; 17 to 23 bytes a triangle of a mesh",
     source: "Ylitie, Karras, Laine 2017; Benthin, Wald, Woop, Afra 2018",
 };
 
@@ -174,9 +185,6 @@ impl Packing<WIDTH> for Compact {
         room: &'b mut Block,
     ) -> (&'b Block, usize) {
         leaf::decode(simd, leaf, count, room);
-        for triangle in 0..count.min(LEAF_MAX) {
-            room[9 * LEAF_MAX + triangle] = f32::from_bits(leaf::id(leaf, triangle));
-        }
         (room, LEAF_MAX)
     }
 }

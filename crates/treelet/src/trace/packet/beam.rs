@@ -64,7 +64,12 @@ where
                 while rest != 0 {
                     let packet = rest.trailing_zeros() as usize % PACKETS;
                     rest &= rest - 1;
-                    simd.call(Alone::<'a, '_, '_, K, A, W> { packing: PhantomData, walk, packet, child });
+                    simd.call(Alone::<'a, '_, '_, K, A, W> {
+                        packing: PhantomData,
+                        walk,
+                        packet,
+                        child,
+                    });
                 }
             }
         }
