@@ -15,7 +15,7 @@ pub(crate) fn decode(
     // A picture of one colour packs well, but not without end.
     let ratio = source.options.limits.max_ratio;
     let allowed = (bytes.len() as u64).saturating_mul(ratio).max(HARMLESS_BYTES);
-    let limit = source.budget.left().min(allowed);
+    let limit = (source.budget.left() / COPIES).min(allowed);
     let image = match Image::decode(bytes, name, limit) {
         Ok(image) => image,
         Err(error) => return Ok(Err(error.to_string())),
@@ -29,3 +29,7 @@ pub(crate) fn decode(
     source.whole(source.budget.spend(taken, "a picture"))?;
     Ok(Ok(image))
 }
+
+/// While a picture is decoded and brought to four channels, up to so many times its bytes are held:
+/// 16-bit channels, their 8-bit copy and the array.
+const COPIES: u64 = 4;
