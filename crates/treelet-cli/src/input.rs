@@ -29,6 +29,10 @@ pub(crate) struct SceneFlags {
     #[arg(long, value_name = "N")]
     pub(crate) max_ratio: Option<u64>,
 
+    /// Which scene of a file of several, counted from 0 [default: the one that it shows].
+    #[arg(long, value_name = "N")]
+    pub(crate) scene_number: Option<u64>,
+
     /// The axis that points up [default: y for glTF and OBJ, z for STL, for PLY the shorter of y
     /// and z].
     #[arg(long, value_enum)]
@@ -88,6 +92,8 @@ impl SceneFlags {
                 max_ratio: self.max_ratio.unwrap_or(usual.max_ratio),
             },
             cancel: session.cancel.clone(),
+            scene: self.scene_number.map(|number| number.to_string()),
+            progress: None,
         }
     }
 
@@ -97,7 +103,12 @@ impl SceneFlags {
         if self.allow_outside {
             words += " --allow-outside";
         }
-        for (flag, number) in [("--max-bytes", self.max_bytes), ("--max-ratio", self.max_ratio)] {
+        let numbers = [
+            ("--max-bytes", self.max_bytes),
+            ("--max-ratio", self.max_ratio),
+            ("--scene-number", self.scene_number),
+        ];
+        for (flag, number) in numbers {
             if let Some(number) = number {
                 words += &format!(" {flag} {number}");
             }
@@ -127,8 +138,11 @@ impl Input {
         let (name, model) = match scene {
             None => ("demo".to_owned(), crate::demo::demo()),
             Some(file) => {
-                let _line = Line::spinner("reading");
-                let model = treelet_import::load(file, &flags.options(session));
+                let line = Line::spinner("reading");
+                let progress = Some(line.reader());
+                let options = treelet_import::Options { progress, ..flags.options(session) };
+                let model = treelet_import::load(file, &options);
+                drop(line);
                 let model = model.map_err(|error| match &error.fault {
                     Fault::Cancelled(_) => Failure::Cancelled,
                     fault => {
@@ -181,7 +195,7 @@ impl Input {
     }
 }
 
-/// The guess for a file, from its extension below any wrapper.
+/// What the file says, or the guess from its extension below any wrapper.
 fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
     match model.up {
         Some(1) => return Up::Y,
@@ -189,6 +203,11 @@ fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
         _ => {}
     }
     let Some(file) = scene else { return Up::Y };
+    match model.up {
+        Some(1) => return Up::Y,
+        Some(2) => return Up::Z,
+        _ => {}
+    }
     let name = file.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let inner = name.trim_end_matches(".gz").trim_end_matches(".zst");
     let format = inner.rsplit('.').next().unwrap_or_default();

@@ -38,6 +38,15 @@ impl Line {
         self.0.set_position(done);
     }
 
+    /// What an importer tells how far it is: the message gets a share of the file.
+    pub(crate) fn reader(&self) -> treelet_import::Watch {
+        let bar = self.0.clone();
+        treelet_import::Watch::new(move |Progress { stage, done, total }| {
+            let percent = done.saturating_mul(100) / total.max(1);
+            bar.set_message(format!("{stage}, {percent} %"));
+        })
+    }
+
     /// Says something above the line.
     pub(crate) fn say(&self, sentence: &str) {
         self.0.suspend(|| crate::session::say(sentence));

@@ -7,11 +7,13 @@ use treelet_model::Model;
 
 use crate::error::{Fault, Result};
 use crate::source::Source;
-use crate::{foreign, gltf, obj, ply, stl};
+use crate::stream::Stream;
+use crate::{foreign, gltf, obj, off, pbrt, ply, stl};
 
 /// Every format that can be read. A new one is a file and a line here; the first whose content
 /// fits is taken, so those with a sure sign come first.
-pub static ALL: &[&dyn Importer] = &[&gltf::Gltf, &ply::Ply, &stl::Stl, &obj::Obj];
+pub static ALL: &[&dyn Importer] =
+    &[&gltf::Gltf, &ply::Ply, &stl::Stl, &off::Off, &pbrt::Pbrt, &obj::Obj];
 
 /// A scene file format.
 pub trait Importer: Send + Sync {
@@ -25,6 +27,16 @@ pub trait Importer: Send + Sync {
     ///
     /// If the file is damaged, hostile, too large or uses what treelet does not know.
     fn read(&self, source: &Source<'_>) -> Result<Model>;
+    /// Reads a large file through a window, or leaves it as it is: `None` if the file is in another
+    /// format, or must be seen whole.
+    ///
+    /// # Errors
+    ///
+    /// As [`Importer::read`].
+    fn stream(&self, stream: &mut Stream<'_>) -> Result<Option<Model>> {
+        let _ = stream;
+        Ok(None)
+    }
 }
 
 /// What a format is called.

@@ -28,26 +28,12 @@ static ALL: &[Foreign] = &[
         remedy: "convert it to .glb with Blender (import USD, export glTF)",
     },
     Foreign {
-        name: "a pbrt scene",
-        extensions: &["pbrt"],
-        starts: &[b"LookAt", b"WorldBegin", b"Film \"", b"Integrator \"", b"Sampler \""],
-        remedy: "its meshes are often .ply files, which treelet reads one by one; for the whole \
-                 scene use one of the pbrt importers for Blender and export it as glTF (.glb)",
-    },
-    Foreign {
         name: "IFC",
         extensions: &["ifc", "ifczip", "ifcxml"],
         starts: &[b"ISO-10303-21"],
         remedy: "convert it with IfcOpenShell: IfcConvert model.ifc model.glb",
     },
     Foreign { name: "COLLADA", extensions: &["dae"], starts: &[b"<COLLADA"], remedy: BLENDER },
-    Foreign {
-        name: "OFF",
-        extensions: &["off", "noff", "coff"],
-        starts: &[b"OFF\n", b"OFF\r", b"OFF ", b"NOFF", b"COFF"],
-        remedy: "convert it to .ply with MeshLab, or with trimesh: \
-                 trimesh.load('mesh.off').export('mesh.ply')",
-    },
     Foreign { name: "Alembic", extensions: &["abc"], starts: &[b"Ogawa"], remedy: BLENDER },
     Foreign { name: "3DS", extensions: &["3ds"], starts: &[], remedy: BLENDER },
     Foreign {

@@ -23,19 +23,26 @@ mod foreign;
 mod gltf;
 mod normals;
 mod obj;
+mod off;
 mod options;
+mod pbrt;
+mod picture;
 mod ply;
 mod polygon;
+mod polygons;
 mod source;
 mod stl;
+mod stream;
 mod text;
 mod unpack;
 
 pub use catalogue::{ALL, Importer, Info};
 pub use error::{Fault, ImportError, Place, Result};
-pub use options::{Limits, Options};
+pub use options::{Limits, Options, Watch};
 pub use source::Source;
+pub use stream::Stream;
 
+use std::fs::File;
 use std::path::Path;
 
 use budget::Budget;
@@ -49,11 +56,19 @@ use treelet_model::Model;
 /// not know.
 pub fn load(path: &Path, options: &Options) -> Result<Model> {
     let budget = Budget::new(&options.limits);
-    let bytes = source::read(path, &budget, options).map_err(|fault| ImportError {
-        file: path.to_path_buf(),
-        place: Place::File,
-        fault,
-    })?;
+    let fail = |fault| ImportError { file: path.to_path_buf(), place: Place::File, fault };
+    let mut file = File::open(path).map_err(|error| fail(error.into()))?;
+    let len = file.metadata().map_err(|error| fail(error.into()))?.len();
+    let mut head = Vec::new();
+    if len > stream::WINDOW as u64 {
+        let window = stream::WINDOW;
+        let mut stream = Stream::open(path, &mut file, len, window, options, &budget)?;
+        if let Some(model) = read_stream(&mut stream)? {
+            return Ok(model);
+        }
+        head = stream.into_bytes();
+    }
+    let bytes = source::read_open(file, head, &budget, options).map_err(fail)?;
     let folder = match path.parent() {
         Some(parent) if parent.as_os_str().is_empty() => Path::new("."),
         Some(parent) => parent,
@@ -83,4 +98,15 @@ pub fn load_bytes(name: &str, bytes: &[u8], options: &Options) -> Result<Model> 
 fn read(source: &Source<'_>) -> Result<Model> {
     let importer = source.whole(catalogue::choose(source.file, source.bytes))?;
     importer.read(source).map(|model| source.finish(model))
+}
+
+/// Reads a large file through a window, if its format can.
+fn read_stream(stream: &mut Stream<'_>) -> Result<Option<Model>> {
+    for importer in ALL {
+        if let Some(model) = importer.stream(stream)? {
+            let model = stream.source().finish(model);
+            return Ok(Some(model));
+        }
+    }
+    Ok(None)
 }

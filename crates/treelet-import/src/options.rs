@@ -1,6 +1,9 @@
 //! What the caller allows an import to do.
 
-use treelet::context::Cancel;
+use std::fmt;
+use std::sync::Arc;
+
+use treelet::context::{Cancel, Progress};
 
 /// How to read a scene.
 #[derive(Clone, Debug, Default)]
@@ -13,6 +16,37 @@ pub struct Options {
     /// Looked at every few milliseconds; once raised, the import ends with
     /// [`crate::Fault::Cancelled`].
     pub cancel: Cancel,
+    /// Which scene of a file of several is read, by name or by number from 0; `None` for the one
+    /// that the file shows.
+    pub scene: Option<String>,
+    /// Is told how far reading is.
+    pub progress: Option<Watch>,
+}
+
+impl Options {
+    /// Tells the watcher, if there is one.
+    pub(crate) fn tell(&self, progress: Progress) {
+        if let Some(Watch(watch)) = &self.progress {
+            watch(progress);
+        }
+    }
+}
+
+/// Is told how far reading is, in bytes of the scene file, a few hundred times for a large one.
+#[derive(Clone)]
+pub struct Watch(Arc<dyn Fn(Progress) + Send + Sync>);
+
+impl Watch {
+    /// Calls `watch` from the thread that reads.
+    pub fn new(watch: impl Fn(Progress) + Send + Sync + 'static) -> Self {
+        Self(Arc::new(watch))
+    }
+}
+
+impl fmt::Debug for Watch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Watch")
+    }
 }
 
 /// How much one file, with all that it names, may cost.
@@ -20,7 +54,8 @@ pub struct Options {
 pub struct Limits {
     /// Bytes read, unpacked and made into arrays, together. Room counts when it is reserved, and
     /// what of it stays empty is not given back: a file counts 512 KiB beyond its size, what is
-    /// unpacked and what grows while it is read up to twice its size and 512 KiB more.
+    /// unpacked and what grows while it is read up to twice its size and 512 KiB more. Of a large
+    /// binary PLY or STL only the arrays count, as its bytes pass by.
     pub max_bytes: u64,
     /// How many times its packed size a compressed file may unpack to, and how many times its
     /// unpacked size the arrays made of it may take. It does not bind below 64 MiB, where no bomb

@@ -4,11 +4,13 @@ use std::borrow::Cow;
 use std::fs::{self, File};
 use std::path::{Component, Path, PathBuf};
 
+use treelet::context::Progress;
 use treelet_model::Model;
 
 use crate::budget::Budget;
 use crate::error::{Fault, ImportError, Place, Result, clip};
 use crate::options::Options;
+use crate::stream::READING;
 use crate::unpack;
 
 /// A scene file in memory, unpacked.
@@ -175,15 +177,29 @@ pub(crate) fn read(
     budget: &Budget,
     options: &Options,
 ) -> std::result::Result<Vec<u8>, Fault> {
-    let mut file = File::open(path)?;
+    read_open(File::open(path)?, Vec::new(), budget, options)
+}
+
+/// Reads and unpacks a file of which `head` was read, and paid for, already.
+pub(crate) fn read_open(
+    mut file: File,
+    head: Vec<u8>,
+    budget: &Budget,
+    options: &Options,
+) -> std::result::Result<Vec<u8>, Fault> {
     let size = file.metadata()?.len();
     if size > budget.left() {
         return Err(Fault::TooBig { what: "the file", needed: size, limit: budget.left() });
     }
+    let mut bytes = head;
     let room = usize::try_from(size).unwrap_or(usize::MAX).saturating_add(1 << 19);
     budget.earn(room as u64);
-    let mut bytes = budget.vec(room, "the file")?;
-    unpack::read_all(&mut file, &mut bytes, budget, options, |_| Ok(()))?;
+    let extra = room.saturating_sub(bytes.len());
+    budget.reserve(&mut bytes, extra, "the file")?;
+    unpack::read_all(&mut file, &mut bytes, budget, options, |done| {
+        options.tell(Progress { stage: READING, done, total: size });
+        Ok(())
+    })?;
     unpack::unpack(bytes.into(), budget, options).map(Cow::into_owned)
 }
 

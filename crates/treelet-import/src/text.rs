@@ -100,6 +100,12 @@ pub(crate) fn real(word: &[u8]) -> Option<f32> {
     }
 }
 
+/// A number in double precision, as [`real`] reads them.
+pub(crate) fn double(word: &[u8]) -> Option<f64> {
+    let text = str::from_utf8(word).ok()?;
+    text.parse().ok().or_else(|| real(word).map(f64::from))
+}
+
 /// The fault of a word that should have been a number.
 #[cold]
 pub(crate) fn no_number(word: Option<&[u8]>, what: &str) -> Fault {
@@ -135,7 +141,20 @@ fn odd_real(text: &str) -> Option<f32> {
     if lower.starts_with("nan(") && lower.ends_with(')') {
         return Some(f32::NAN);
     }
-    hexadecimal(lower.strip_prefix("0x")?).map(|value| sign * value as f32)
+    if let Some(hexadecimal) = lower.strip_prefix("0x") {
+        return self::hexadecimal(hexadecimal).map(|value| sign * value as f32);
+    }
+    // Some writers put the exponent's sign before its letter, as in `3.1+e2`.
+    let (mantissa, exponent) = lower.split_once('e')?;
+    let (mantissa, exponent_sign) = match mantissa.as_bytes().last()? {
+        b'+' => (&mantissa[..mantissa.len() - 1], ""),
+        b'-' => (&mantissa[..mantissa.len() - 1], "-"),
+        _ => return None,
+    };
+    let is_plain = mantissa.starts_with(|c: char| c.is_ascii_digit())
+        && exponent.bytes().all(|digit| digit.is_ascii_digit());
+    let value: f32 = format!("{mantissa}e{exponent_sign}{exponent}").parse().ok()?;
+    is_plain.then_some(sign * value)
 }
 
 /// A C99 hexadecimal number after its `0x`, lower case; digits beyond f64 are cut off.
@@ -197,6 +216,8 @@ mod tests {
             ("-0x1.8p1", -3.0),
             ("0X.8", 0.5),
             ("1e99", f32::INFINITY),
+            ("3.1+e2", 310.0),
+            ("-2-e1", -0.2),
         ];
         for (text, want) in cases {
             assert_eq!(real(text.as_bytes()), Some(want), "{text}");
@@ -204,7 +225,10 @@ mod tests {
         for text in ["nan", "-nan", "NaN", "nan(ind)", "-nan(0x1)", "-1.#IND00", "1.#QNAN"] {
             assert!(real(text.as_bytes()).is_some_and(f32::is_nan), "{text}");
         }
-        for text in ["", "-", "1,5", "3.1+e2", "0x", "0xg", "1.#", "1 2", "--1", "e5", "0x1p"] {
+        for text in [
+            "", "-", "1,5", "3.1+e", "+e2", "3++e2", "3+e-2", "0x", "0xg", "1.#", "1 2", "--1",
+            "e5", "0x1p",
+        ] {
             assert_eq!(real(text.as_bytes()), None, "{text}");
         }
     }

@@ -138,7 +138,13 @@ fn material_libraries() {
     let faces: String = names.map(|name| format!("usemtl {name}\nf 1 2 3\n")).concat();
     put(&obj, format!("mtllib b 1.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\n{faces}"));
     let model = load(&obj, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
-    assert_eq!(model.warnings, ["Textures are not read; materials have their factors alone."]);
+    let missing =
+        "1 picture is not read, the first because: names the file \"x.png\", which is not";
+    assert!(
+        model.warnings.len() == 1 && model.warnings[0].starts_with(missing),
+        "{:?}",
+        model.warnings
+    );
     let [plain, shiny, glass, smoke, haze, lamp, chrome, pbr] = &model.materials[..] else {
         panic!("eight materials, not {}", model.materials.len())
     };
@@ -228,4 +234,80 @@ fn a_folder_or_nothing_is_no_scene() {
         let error = load(&path, &Options::default()).expect_err("there is no file").to_string();
         assert!(error.contains("cannot be read ("), "{error}");
     }
+}
+
+/// A picture of two pixels, red above blue.
+fn two_pixels() -> Vec<u8> {
+    let mut bytes = b"BM".to_vec();
+    bytes.extend(62_u32.to_le_bytes());
+    bytes.extend([0; 4]);
+    for word in [54_u32, 40, 1, 2] {
+        bytes.extend(word.to_le_bytes());
+    }
+    bytes.extend([1, 0, 24, 0]);
+    bytes.extend([0; 24]);
+    // Rows of blue, green, red from the bottom up, each padded to four bytes.
+    bytes.extend([255, 0, 0, 0, 0, 0, 255, 0]);
+    bytes
+}
+
+#[test]
+fn pictures_of_material_libraries() {
+    let folder = folder("pictures");
+    let scene = folder.join("scene");
+    fs::create_dir_all(scene.join("looks")).expect("the folder can be made");
+    put(&scene.join("looks/two.bmp"), two_pixels());
+    let mtl = "newmtl a\nmap_Kd -s 2 3 1 -o 0.5 0.25 -clamp on two.bmp\nmap_d two.bmp\n\
+        newmtl b\nKd 1 0 0\nmap_Ke C:\\pictures\\two.bmp\nmap_Kd none.png\n";
+    put(&scene.join("looks/a.mtl"), mtl);
+    put(&scene.join("two.bmp"), two_pixels());
+    let obj = scene.join("a.obj");
+    put(
+        &obj,
+        "mtllib looks/a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nvt 0 0\nvt 1 0\nvt 1 0.75\nusemtl a\n\
+         f 1/1 2/2 3/3\nusemtl b\nf 1/1 2/1 3/9\n",
+    );
+    let model = load(&obj, &Options::default()).unwrap_or_else(|error| panic!("{error}"));
+    fs::remove_dir_all(&folder).expect("the folder can be removed");
+    assert_eq!(model.images.len(), 2, "one a file");
+    assert_eq!(model.warnings.len(), 1, "{:?}", model.warnings);
+    let [a, b] = &model.materials[..] else { panic!("two materials") };
+    // White where nothing else is said; the picture's own alpha counts, not its red.
+    assert_eq!((a.base_color, a.opacity_texture), ([1.0; 3], None));
+    assert_eq!(a.alpha, treelet_model::AlphaMode::Blend);
+    let texture = a.base_color_texture.expect("it has a texture");
+    assert_eq!(texture.wrap, [treelet_model::texture::Wrap::Clamp; 2]);
+    // Counted from above: 1 - (3 v + 0.25) = 3 (1 - v) + (1 - 3 - 0.25).
+    assert_eq!((texture.transform.scale, texture.transform.offset), ([2.0, 3.0], [0.5, -2.25]));
+    assert_eq!((b.emission, b.base_color_texture), ([1.0; 3], None));
+    let uvs = &model.objects[0].parts[0].uvs[0];
+    assert_eq!(uvs[..], [[0.0, 1.0], [1.0, 1.0], [1.0, 0.25]]);
+    // A coordinate that leads nowhere harms no shape.
+    assert_eq!(model.objects[0].parts[1].mesh.triangles().len(), 1);
+}
+
+#[test]
+fn large_files_tell_how_far_they_are() {
+    use std::sync::{Arc, Mutex};
+    let folder = folder("progress");
+    let corners = [[[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]];
+    let many = vec![corners[0]; 200_000];
+    let file = folder.join("a.stl");
+    put(&file, common::binary_stl(b"", &many));
+    let told = Arc::new(Mutex::new(Vec::new()));
+    let watcher = Arc::clone(&told);
+    let watch = treelet_import::Watch::new(move |progress| {
+        watcher.lock().expect("nobody panicked").push((progress.done, progress.total));
+    });
+    let options = Options { progress: Some(watch), ..Options::default() };
+    let model = load(&file, &options).unwrap_or_else(|error| panic!("{error}"));
+    // The bytes of a file that passes by do not count, only its arrays: 48 bytes a triangle.
+    let limits = Limits { max_bytes: 14 << 20, ..Limits::default() };
+    let small = load(&file, &Options { limits, ..Options::default() });
+    fs::remove_dir_all(&folder).expect("the folder can be removed");
+    assert_eq!(model.triangles_placed(), 200_000);
+    let told = told.lock().expect("nobody panicked");
+    assert!(told.len() >= 3 && told.is_sorted(), "{told:?}");
+    assert_eq!(told.last(), Some(&(10_000_084, 10_000_084)));
+    assert!(small.is_ok(), "{small:?}");
 }

@@ -20,7 +20,7 @@ const RAYS: usize = 2048;
 /// The instruction sets whose kernels are counted, valgrind knows no newer ones; and layouts, where
 /// it is not the usual one.
 const KERNELS: [(&str, Option<LayoutChoice>); 4] =
-    [("scalar", None), ("sse42", None), ("avx2", None), ("avx2", Some(LayoutChoice::Compact8))];
+    [("scalar", None), ("sse42", None), ("avx2", None), ("avx2", Some(LayoutChoice::Compact))];
 
 /// What is built.
 const BUILDS: [Quality; 2] = [Quality::Fast, Quality::Default];

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use treelet::bounds::Aabb;
 use treelet::build::{self, BinnedSah, BuildError, Builder, ObjectMedian, SweepSah};
 use treelet::context::Progress;
-use treelet::optimize::{self, Optimizer, Reinsertion};
+use treelet::optimize::{self, Optimizer, Reinsertion, TopReinsertion};
 use treelet::tree::{DEPTH_MAX, Kind, SahConstants, Tree};
 use treelet::{Cancel, Context, Mesh};
 use treelet_testkit::{Shape, awkward, closed};
@@ -107,6 +107,24 @@ fn depth_stays_bounded() {
         }
     }
     assert!(60 < deepest && deepest <= DEPTH_MAX, "the deepest has {deepest}");
+}
+
+/// Large things among small ones are what there is to win, and they are all near the root.
+#[test]
+fn the_top_alone_is_worth_most_of_it() {
+    let mut bounds = random_boxes(60_000);
+    let walls = awkward::random_triangles(300, 10.0, 8.0);
+    bounds.extend(boxes(&walls));
+    let tree = plain(&BinnedSah::DEFAULT, &bounds);
+    let top = optimized(&TopReinsertion::DEFAULT, &tree);
+    let all = optimized(&Reinsertion::DEFAULT, &tree);
+    let [before, top, all] = [&tree, &top, &all].map(sah);
+    let share = (before - top) / (before - all);
+    assert!(all < 0.95 * before && share > 0.8, "{before} falls to {top}, to {all} at most");
+    // A larger top is no worse, and one of everything as good as no top.
+    let whole = TopReinsertion { top: 1_000_000, reinsertion: Reinsertion::DEFAULT };
+    let whole = sah(&optimized(&whole, &tree));
+    assert!((whole - all).abs() < 0.01 * all, "{whole}, {all}");
 }
 
 #[test]

@@ -71,6 +71,51 @@ fn camera(scene: &Scene, from: [f32; 3], count: usize) -> Vec<Ray> {
         .collect()
 }
 
+/// Many rays end, or begin, within a bit of what they hit.
+fn ending(scene: &Scene, ray: Ray, random: &mut Random) -> Ray {
+    let Some(Hit { t, .. }) = scene.closest(&ray) else { return ray };
+    match random.below(12) {
+        0 => ray.up_to(t),
+        1 | 2 => ray.up_to(t.next_down()),
+        3 => ray.from(t),
+        4 => ray.from(t.next_up()),
+        _ => ray,
+    }
+}
+
+/// Rays that go together, as packets want them: narrow bundles of neighbours, from one point or from
+/// points near each other, one bundle a run or several in turn.
+fn bundles(scene: &Scene, count: usize) -> Vec<Ray> {
+    let mut random = Random::new(SEED);
+    let bounds = scene.bounds();
+    let inside = |random: &mut Random, wide: f32| -> [f32; 3] {
+        std::array::from_fn(|a| {
+            let middle = 0.5 * (bounds.lo[a] + bounds.hi[a]);
+            middle + wide * random.between(-0.5, 0.5) * (bounds.hi[a] - bounds.lo[a])
+        })
+    };
+    let mut rays = Vec::new();
+    while rays.len() < count {
+        let from = inside(&mut random, 3.0);
+        let in_turn = 1 + random.below(4) as usize;
+        let targets: [_; 4] = std::array::from_fn(|_| inside(&mut random, 1.0));
+        let spread = [0.0, 1e-6, 1e-3, 0.02, 0.06][random.below(5) as usize];
+        let starts = [0.0, 0.0, 1e-3, 0.03][random.below(4) as usize];
+        let run = if random.below(4) == 0 { 100 } else { 256 };
+        for i in 0..run {
+            let target = targets[i % in_turn];
+            let origin: [f32; 3] = std::array::from_fn(|a| {
+                from[a] + starts * random.between(-0.5, 0.5) * (bounds.hi[a] - bounds.lo[a])
+            });
+            let to: [f32; 3] = std::array::from_fn(|a| target[a] - from[a]);
+            let size = to.iter().fold(1e-3_f32, |size, x| size.max(x.abs()));
+            let turned = to.map(|x| x + spread * size * random.between(-0.5, 0.5));
+            rays.push(ending(scene, Ray::new(origin, turned), &mut random));
+        }
+    }
+    rays
+}
+
 /// Rays of every kind, coherent and not, with limits, masks and defects.
 fn mixed(scene: &Scene, count: usize) -> Vec<Ray> {
     let mut random = Random::new(SEED);
@@ -81,6 +126,7 @@ fn mixed(scene: &Scene, count: usize) -> Vec<Ray> {
     let mut rays = verify::rays(scene, count, SEED);
     rays.extend(camera(scene, out(1.7), count));
     rays.extend(camera(scene, out(0.4), count / 2));
+    rays.extend(bundles(scene, 2 * count));
     for i in 0..rays.len() {
         let ray = &mut rays[i];
         match random.below(24) {
@@ -161,6 +207,7 @@ fn long_slices_answer_like_single_rays() {
     let from = std::array::from_fn(|a| scene.bounds().lo[a] - 1.0);
     let mut rays: Vec<Ray> = camera(&scene, from, 70_000);
     rays.extend(verify::rays(&scene, 70_000, SEED));
+    rays.extend(bundles(&scene, 70_000));
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut found = vec![false; rays.len()];
     scene.closest_many(&rays, &mut hits).unwrap();

@@ -20,6 +20,7 @@ const EAGER: SplitSah = SplitSah {
     node_overlap_min: 0.0,
     advantage: 1.0,
     budget: 4.0,
+    clips: 1_000_000,
 };
 
 type Corners = [[f32; 3]; 3];
@@ -281,6 +282,14 @@ fn the_same_tree_for_any_number_of_threads() {
     assert!(trees[0].prims.len() > 61_000, "{} entries", trees[0].prims.len());
     assert_eq!(trees[0], trees[1], "2 threads");
     assert_eq!(trees[0], trees[2], "7 threads");
+}
+
+#[test]
+fn pieces_cost_no_more_than_they_may() {
+    let triangles = Triangles::of(&shards(20_000, 8));
+    let entries = |clips: u32| triangles.tree(&SplitSah { clips, ..EAGER }).prims.len();
+    let [none, few, many] = [0, 10, EAGER.clips].map(entries);
+    assert!(none == 20_000 && none < few && few < many, "{none}, {few}, {many} entries");
 }
 
 #[test]

@@ -21,7 +21,7 @@ use crate::text;
 /// Show what a scene holds, and the tree that each builder makes of it
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// A scene file: glTF, OBJ, PLY or STL, also as .gz or .zst [default: the built-in scene].
+    /// A scene file: glTF, OBJ, PLY, STL, OFF or pbrt, also as .gz or .zst [default: the built-in scene].
     scene: Option<PathBuf>,
 
     #[command(flatten)]

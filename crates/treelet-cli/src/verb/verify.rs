@@ -41,7 +41,7 @@ const BRUTE: &str = "brute force";
 /// Hold the answers of every builder's tree against brute force
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// A scene file: glTF, OBJ, PLY or STL, also as .gz or .zst [default: the built-in scene].
+    /// A scene file: glTF, OBJ, PLY, STL, OFF or pbrt, also as .gz or .zst [default: the built-in scene].
     scene: Option<PathBuf>,
 
     /// How many rays: random ones, at vertices and edges, along axes, grazing, from surfaces.

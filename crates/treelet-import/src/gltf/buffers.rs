@@ -88,7 +88,7 @@ fn read_uri(
     uri: &str,
     known: &mut HashMap<PathBuf, Rc<Vec<u8>>>,
 ) -> Result<Rc<Vec<u8>>> {
-    if uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:")) {
+    if is_data(uri) {
         return read_data(source, place, uri).map(Rc::new);
     }
     let side = source.find(place, &percent_decoded(uri))?;
@@ -100,8 +100,13 @@ fn read_uri(
     Ok(bytes)
 }
 
+/// Whether a URI holds its data itself.
+pub(super) fn is_data(uri: &str) -> bool {
+    uri.get(..5).is_some_and(|scheme| scheme.eq_ignore_ascii_case("data:"))
+}
+
 /// Decodes a data URI.
-fn read_data(source: &Source<'_>, place: &Place, uri: &str) -> Result<Vec<u8>> {
+pub(super) fn read_data(source: &Source<'_>, place: &Place, uri: &str) -> Result<Vec<u8>> {
     let Some((head, data)) = uri.split_once(',') else {
         return Err(source.broken(place.clone(), "is a data URI without data", super::INVALID));
     };
@@ -122,7 +127,7 @@ fn read_data(source: &Source<'_>, place: &Place, uri: &str) -> Result<Vec<u8>> {
 }
 
 /// Replaces `%20` and the like; what is no such code stays as it is.
-fn percent_decoded(uri: &str) -> String {
+pub(super) fn percent_decoded(uri: &str) -> String {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
     while let [first, tail @ ..] = rest {

@@ -10,8 +10,8 @@ use crate::normals;
 use crate::source::Source;
 
 use super::accessor::Accessors;
-use super::buffers::Buffers;
-use super::json::{self, Mesh, Primitive, Root, mode};
+use super::extensions;
+use super::json::{Mesh, Primitive, Root, mode};
 
 /// Reads meshes, each once, and once also the positions and indices that several primitives share.
 pub(super) struct Meshes<'s, 'a> {
@@ -21,6 +21,7 @@ pub(super) struct Meshes<'s, 'a> {
     /// Object of each mesh that was read.
     objects: HashMap<usize, usize>,
     positions: HashMap<usize, Array<[f32; 3]>>,
+    uvs: HashMap<usize, Array<[f32; 2]>>,
     /// By accessor and mode.
     triangles: HashMap<(usize, u32), Array<[u32; 3]>>,
     /// Primitives that are points or lines.
@@ -31,13 +32,14 @@ pub(super) struct Meshes<'s, 'a> {
 }
 
 impl<'s, 'a> Meshes<'s, 'a> {
-    pub(super) fn new(source: &'s Source<'a>, root: &'s Root, buffers: &'s Buffers<'a>) -> Self {
+    pub(super) fn new(accessors: Accessors<'s, 'a>) -> Self {
         Self {
-            source,
-            root,
-            accessors: Accessors { source, root, buffers },
+            source: accessors.source,
+            root: accessors.root,
+            accessors,
             objects: HashMap::new(),
             positions: HashMap::new(),
+            uvs: HashMap::new(),
             triangles: HashMap::new(),
             unread: 0,
             ragged: 0,
@@ -101,16 +103,14 @@ impl<'s, 'a> Meshes<'s, 'a> {
         let has_data = |accessor: usize| {
             self.root.accessors.get(accessor).is_some_and(|a| a.buffer_view.is_some())
         };
-        if let Some(fault) = json::compressed(&primitive.extensions)
-            && !has_data(position)
-        {
-            return Err(source.error(place, fault));
+        if primitive.extensions.draco.is_some() && !has_data(position) {
+            return Err(source.error(place, extensions::draco()));
         }
 
         let positions = match self.positions.get(&position) {
             Some(positions) => positions.clone(),
             None => {
-                let positions = self.accessors.vectors(position, "positions")?;
+                let positions: Array<_> = self.accessors.vectors(position, "positions")?.into();
                 self.positions.insert(position, positions.clone());
                 positions
             }
@@ -144,7 +144,65 @@ impl<'s, 'a> Meshes<'s, 'a> {
             let found = format!("names material {material} of {default}");
             return Err(source.broken(place, found, super::INVALID));
         }
-        Ok(Some(Part { normals, ..Part::new(mesh, material) }))
+        let mut part = Part { normals, ..Part::new(mesh, material) };
+        self.beside(primitive, vertices, &place, &mut part)?;
+        Ok(Some(part))
+    }
+
+    /// Reads what stands beside positions and normals: coordinates, tangents, colours.
+    fn beside(
+        &mut self,
+        primitive: &Primitive,
+        vertices: usize,
+        place: &Place,
+        part: &mut Part,
+    ) -> Result<()> {
+        let attributes = &primitive.attributes;
+        let source = self.source;
+        let check = |len: usize, what: &str| {
+            if len == vertices {
+                return Ok(());
+            }
+            let found = format!("has {len} {what} for {vertices} vertices");
+            Err(source.broken(place.clone(), found, super::INVALID))
+        };
+        // Without textures nobody asks where they lie.
+        if !self.root.textures.is_empty() {
+            let sets = [
+                attributes.texcoord_0,
+                attributes.texcoord_1,
+                attributes.texcoord_2,
+                attributes.texcoord_3,
+            ];
+            let last = sets.iter().rposition(Option::is_some);
+            for &set in sets.iter().take(last.map_or(0, |last| last + 1)) {
+                const WHAT: &str = "texture coordinates";
+                let uvs: Array<[f32; 2]> = match set {
+                    Some(set) => match self.uvs.get(&set) {
+                        Some(uvs) => uvs.clone(),
+                        None => {
+                            let uvs: Array<_> = self.accessors.vectors(set, WHAT)?.into();
+                            self.uvs.insert(set, uvs.clone());
+                            uvs
+                        }
+                    },
+                    None => source.whole(source.budget.filled([0.0; 2], vertices, WHAT))?.into(),
+                };
+                check(uvs.len(), WHAT)?;
+                part.uvs.push(uvs);
+            }
+            if let Some(tangent) = attributes.tangent {
+                let tangents: Vec<[f32; 4]> = self.accessors.vectors(tangent, "tangents")?;
+                check(tangents.len(), "tangents")?;
+                part.tangents = Some(tangents.into());
+            }
+        }
+        if let Some(color) = attributes.color_0 {
+            let colors = self.accessors.colors(color)?;
+            check(colors.len(), "colours")?;
+            part.colors = Some(colors.into());
+        }
+        Ok(())
     }
 
     /// Unit normals, one a vertex.
@@ -155,13 +213,11 @@ impl<'s, 'a> Meshes<'s, 'a> {
         mesh: &treelet::Mesh,
         place: &Place,
     ) -> Result<Array<[f32; 3]>> {
-        let read = self.accessors.vectors(accessor, "normals")?;
-        if read.len() != vertices {
-            let found = format!("has {} normals for {vertices} vertices", read.len());
+        let mut normals = self.accessors.vectors(accessor, "normals")?;
+        if normals.len() != vertices {
+            let found = format!("has {} normals for {vertices} vertices", normals.len());
             return Err(self.source.broken(place.clone(), found, super::INVALID));
         }
-        let mut normals = self.source.vec(vertices, "normals")?;
-        normals.extend_from_slice(&read);
         self.replaced_normals += normals::repair(&mut normals, mesh);
         Ok(normals.into())
     }

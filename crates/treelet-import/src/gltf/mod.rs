@@ -1,22 +1,30 @@
 //! glTF 2.0 and GLB.
 //!
 //! After the Khronos Group's "glTF 2.0 Specification", version 2.0.1. Read are the node graph, meshes
-//! of triangles, strips and fans, normals, perspective cameras, and the factors of materials;
-//! textures, animations, skins, morph targets and lights are named in warnings. Every node with a
-//! mesh becomes a placement; a mesh becomes an object when the first node places it.
+//! of triangles, strips and fans with all that stands beside their vertices, cameras, materials with
+//! their textures, lights and animations, which are kept; skins and morph targets are named in
+//! warnings. Every node with a mesh becomes a placement; a mesh becomes an object when the first node
+//! places it.
 //!
 //! The reader takes the few JSON structures that it needs with `serde`, rather than a glTF library:
-//! the kept one sees little upkeep, refuses some files that others open, and has no place for the
-//! compression extensions that are to come. They belong into `accessor.rs`, which alone knows
-//! how numbers lie in buffers.
+//! the kept one sees little upkeep, refuses some files that others open, and does not decompress.
+//! `accessor.rs` and `views.rs` alone know how numbers lie in buffers.
 
 mod accessor;
+mod animations;
 mod buffers;
 mod container;
+mod extensions;
+mod instancing;
 mod json;
+mod lights;
+mod look;
 mod material;
 mod meshes;
+mod meshopt;
 mod nodes;
+mod textures;
+mod views;
 
 use treelet_model::Model;
 
@@ -24,8 +32,11 @@ use crate::catalogue::{Importer, Info};
 use crate::error::{Place, Result, quote};
 use crate::source::Source;
 
+use accessor::Accessors;
 use buffers::Buffers;
 use json::Root;
+use textures::Textures;
+use views::Views;
 
 /// The format, as the catalogue names it.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +47,7 @@ impl Importer for Gltf {
         Info {
             name: "gltf",
             extensions: &["glb", "gltf"],
-            summary: "glTF 2.0 and GLB: nodes, triangles, normals, cameras, material factors",
+            summary: "glTF 2.0 and GLB: meshes, meshopt, materials, textures, lights, cameras, clips",
         }
     }
 
@@ -47,15 +58,28 @@ impl Importer for Gltf {
     fn read(&self, source: &Source<'_>) -> Result<Model> {
         let parts = container::open(source)?;
         let root: Root = json::parse(source, &parts)?;
-        let mut warnings = json::check_extensions(source, &root)?;
-        json::collect_warnings(&root, &mut warnings);
+        let mut warnings = extensions::check(source, &root)?;
+        extensions::collect_warnings(&root, &mut warnings);
         let buffers = Buffers::open(source, &root, parts.binary)?;
-        let walk = nodes::walk(source, &root, &mut warnings)?;
+        let views = Views::open(source, &root, &buffers)?;
+        let accessors = Accessors { source, root: &root, views: &views };
+        let walk = nodes::walk(&accessors, &mut warnings)?;
 
         // Read each mesh once, when the first node places it.
-        let mut model = Model { cameras: walk.cameras, ..Model::default() };
-        model.materials = material::read_all(&root, &mut warnings);
-        let mut meshes = meshes::Meshes::new(source, &root, &buffers);
+        let mut model = Model {
+            cameras: walk.cameras,
+            lights: walk.lights,
+            scenes: root.scenes.iter().map(|scene| scene.name.clone()).collect(),
+            scene: walk.scene,
+            up: Some(1),
+            ..Model::default()
+        };
+        let mut textures = Textures::default();
+        model.materials = material::read_all(&accessors, &mut textures)?;
+        warnings.extend(textures.warnings());
+        model.images = textures.images;
+        model.animations = animations::read_all(&accessors, &mut warnings)?;
+        let mut meshes = meshes::Meshes::new(accessors);
         for (mesh, world_from_object) in walk.placed {
             let object = meshes.object(mesh, &mut model)?;
             model.placements.push(treelet_model::Placement { object, world_from_object });

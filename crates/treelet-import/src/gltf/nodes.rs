@@ -1,12 +1,15 @@
 //! The node graph, walked without recursion, every world transform composed in f64.
 
 use treelet::math::Affine;
-use treelet_model::{Camera, View};
+use treelet_model::{Camera, Light, View};
 
-use crate::error::{Place, Result};
+use crate::error::{Place, Result, clip};
 use crate::source::Source;
 
+use super::accessor::Accessors;
+use super::instancing;
 use super::json::{Node, Root};
+use super::lights;
 
 /// What stands where.
 #[derive(Debug, Default)]
@@ -14,23 +17,28 @@ pub(super) struct Walk {
     /// Meshes, in the order of a depth-first walk.
     pub(super) placed: Vec<(usize, Affine)>,
     pub(super) cameras: Vec<Camera>,
+    pub(super) lights: Vec<Light>,
+    /// Which of the file's scenes this is.
+    pub(super) scene: usize,
 }
 
 /// Rows of `[m0, m1, m2, b]`, as in [`Affine`].
-type Rows = [[f64; 4]; 3];
+pub(super) type Rows = [[f64; 4]; 3];
 
 const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
 
 /// Walks the scene that the file shows.
-pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>) -> Result<Walk> {
-    let roots = roots(source, root)?;
+pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) -> Result<Walk> {
+    let Accessors { source, root, .. } = *accessors;
+    let scene = scene(source, root)?;
+    let roots = roots(source, root, scene)?;
     let nodes = &root.nodes;
     let mut parents: Vec<Option<Parent>> =
         source.whole(source.budget.filled(None, nodes.len(), "nodes"))?;
-    let mut walk = Walk::default();
+    let mut walk = Walk { scene: scene.unwrap_or(0), ..Walk::default() };
     let mut stack: Vec<(usize, Parent, Rows)> =
         roots.iter().rev().map(|&node| (node, Parent::Scene, IDENTITY)).collect();
-    let mut flat_cameras = false;
+    let (mut odd_cameras, mut odd_lights) = (false, false);
     while let Some((index, parent, world_from_parent)) = stack.pop() {
         // Each node has one parent, or the graph is no tree.
         let Some(node) = nodes.get(index) else {
@@ -57,22 +65,40 @@ pub(super) fn walk(source: &Source<'_>, root: &Root, warnings: &mut Vec<String>)
                 let found = format!("names mesh {mesh} of {}", root.meshes.len());
                 return Err(source.broken(place(nodes, index), found, super::INVALID));
             }
-            let rounded = Affine(world.map(|row| row.map(|entry| entry as f32)));
-            source.push(&mut walk.placed, (mesh, rounded), "placements")?;
+            match node.extensions.as_ref().and_then(|extensions| extensions.instancing.as_ref()) {
+                Some(copies) => {
+                    let copies = instancing::read(accessors, copies, &place(nodes, index))?;
+                    source.make_room(&mut walk.placed, copies.len(), "placements")?;
+                    let place = |copy: &Rows| (mesh, rounded(&compose(&world, copy)));
+                    walk.placed.extend(copies.iter().map(place));
+                }
+                None => source.push(&mut walk.placed, (mesh, rounded(&world)), "placements")?,
+            }
         }
         if let Some(camera) = node.camera {
             let camera = root.cameras.get(camera);
-            match camera.and_then(|camera| perspective(camera, node, &world)) {
-                Some(camera) => walk.cameras.push(camera),
-                None => flat_cameras = true,
+            match camera.and_then(|camera| place_camera(camera, node, &world)) {
+                Some(camera) => source.push(&mut walk.cameras, camera, "cameras")?,
+                None => odd_cameras = true,
+            }
+        }
+        let light = node.extensions.as_ref().and_then(|extensions| extensions.light.as_ref());
+        if let Some(light) = light {
+            let light = root.extensions.lights.lights.get(light.light);
+            match light.and_then(|light| lights::place(light, &world)) {
+                Some(light) => source.push(&mut walk.lights, light, "lights")?,
+                None => odd_lights = true,
             }
         }
         for &child in node.children.iter().rev() {
             source.push(&mut stack, (child, Parent::Node(index), world), "nodes")?;
         }
     }
-    if flat_cameras {
-        warnings.push("Cameras that are not perspective are not read.".to_owned());
+    if odd_cameras {
+        warnings.push("Cameras that see nothing are left out.".to_owned());
+    }
+    if odd_lights {
+        warnings.push("Lights of unknown kinds or directions are left out.".to_owned());
     }
     Ok(walk)
 }
@@ -120,14 +146,38 @@ fn place(nodes: &[Node], index: usize) -> Place {
     super::item("node", index, nodes.get(index).map_or("", |node| &node.name))
 }
 
-/// The roots of the default scene, else of the first, else all nodes without a parent.
-fn roots(source: &Source<'_>, root: &Root) -> Result<Vec<usize>> {
-    if let Some(scene) = root.scenes.get(root.scene.unwrap_or(0)) {
-        return Ok(scene.nodes.clone());
+/// Which scene is read: the one that is asked for, by name or number, else the default, else the
+/// first; `None` if there is none.
+fn scene(source: &Source<'_>, root: &Root) -> Result<Option<usize>> {
+    let scenes = root.scenes.len();
+    let place = || Place::Element("scene".to_owned());
+    if let Some(asked) = &source.options.scene {
+        let by_name = root.scenes.iter().position(|scene| scene.name == *asked);
+        let by_number = || asked.parse().ok().filter(|&number: &usize| number < scenes);
+        return match by_name.or_else(by_number) {
+            Some(scene) => Ok(Some(scene)),
+            None => {
+                let names: Vec<&str> = root.scenes.iter().map(|scene| &*scene.name).collect();
+                let found = format!("{:?} is not one of {scenes}", clip(asked));
+                let remedy = format!("take a number from 0, or one of {}", clip(&names.join(", ")));
+                Err(source.broken(place(), found, remedy))
+            }
+        };
     }
-    if let Some(scene) = root.scene {
-        let found = format!("names scene {scene} of {}", root.scenes.len());
-        return Err(source.broken(Place::Element("scene".to_owned()), found, super::INVALID));
+    match root.scene {
+        Some(scene) if scene >= scenes => {
+            let found = format!("names scene {scene} of {scenes}");
+            Err(source.broken(place(), found, super::INVALID))
+        }
+        Some(scene) => Ok(Some(scene)),
+        None => Ok((scenes > 0).then_some(0)),
+    }
+}
+
+/// The roots of a scene; without scenes all nodes that have no parent.
+fn roots(source: &Source<'_>, root: &Root, scene: Option<usize>) -> Result<Vec<usize>> {
+    if let Some(scene) = scene.and_then(|scene| root.scenes.get(scene)) {
+        return Ok(scene.nodes.clone());
     }
     let mut has_parent = vec![false; root.nodes.len()];
     for child in root.nodes.iter().flat_map(|node| &node.children) {
@@ -143,6 +193,11 @@ fn roots(source: &Source<'_>, root: &Root) -> Result<Vec<usize>> {
     Ok(roots)
 }
 
+/// A transform as the model has it.
+fn rounded(world: &Rows) -> Affine {
+    Affine(world.map(|row| row.map(|entry| entry as f32)))
+}
+
 /// The transform of a node against its parent; `None` for a projective matrix.
 fn local_transform(node: &Node) -> Option<Rows> {
     if let Some(matrix) = &node.matrix {
@@ -154,11 +209,16 @@ fn local_transform(node: &Node) -> Option<Rows> {
     let t = node.translation.as_deref().copied().unwrap_or([0.0; 3]);
     let r = node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]);
     let s = node.scale.as_deref().copied().unwrap_or([1.0; 3]);
+    Some(transform(t, r, s))
+}
+
+/// First scales, then turns by a quaternion, then moves.
+pub(super) fn transform(t: [f64; 3], r: [f64; 4], s: [f64; 3]) -> Rows {
     let rotation = rotation(r);
-    Some([0, 1, 2].map(|row| {
+    [0, 1, 2].map(|row| {
         let [a, b, c] = rotation[row];
         [a * s[0], b * s[1], c * s[2], t[row]]
-    }))
+    })
 }
 
 /// The matrix of a quaternion x, y, z, w of any length; that of length zero turns nothing.
@@ -185,12 +245,21 @@ fn compose(outer: &Rows, inner: &Rows) -> Rows {
     })
 }
 
-/// A camera at a node, rid of the node's scale; `None` if it is not perspective or has no frame.
-fn perspective(camera: &super::json::Camera, node: &Node, world: &Rows) -> Option<Camera> {
-    let yfov = camera.perspective.as_ref()?.yfov;
-    if !(yfov > 0.0 && yfov < std::f64::consts::PI) {
-        return None;
-    }
+/// A camera at a node, rid of the node's scale; `None` if it sees nothing or has no frame.
+fn place_camera(camera: &super::json::Camera, node: &Node, world: &Rows) -> Option<Camera> {
+    let view = match (&camera.perspective, &camera.orthographic) {
+        (Some(perspective), _) => {
+            let yfov = perspective.yfov;
+            let is_sound = yfov > 0.0 && yfov < std::f64::consts::PI;
+            is_sound.then_some(View::Perspective { vertical_fov: yfov as f32 })?
+        }
+        // `ymag` is half the height of the view.
+        (None, Some(orthographic)) => {
+            let height = 2.0 * orthographic.ymag.abs() as f32;
+            (height > 0.0 && height.is_finite()).then_some(View::Orthographic { height })?
+        }
+        (None, None) => return None,
+    };
     let column = |k: usize| [world[0][k], world[1][k], world[2][k]];
     let back = unit(column(2))?;
     let right = unit(cross(column(1), back))?;
@@ -201,7 +270,7 @@ fn perspective(camera: &super::json::Camera, node: &Node, world: &Rows) -> Optio
     world_from_camera.is_finite().then(|| Camera {
         name: name.clone(),
         world_from_camera,
-        view: View::Perspective { vertical_fov: yfov as f32 },
+        view,
         ..Camera::default()
     })
 }
@@ -210,7 +279,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
-fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
+pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
     let length = libm::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
     (length > 0.0 && length.is_finite()).then(|| a.map(|x| x / length))
 }

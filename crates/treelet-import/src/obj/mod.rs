@@ -1,8 +1,8 @@
 //! Wavefront OBJ with its material library MTL.
 //!
 //! After Wavefront's "Advanced Visualizer" manual, appendix B1 (OBJ) and Bourke's page on MTL. Read
-//! are `v`, `vn`, `f` with all forms of indices, `usemtl`, `mtllib`, `o`; texture coordinates are
-//! stepped over, groups and smoothing groups ignored, points, lines and free-form shapes named in a
+//! are `v`, `vt`, `vn`, `f` with all forms of indices, `usemtl`, `mtllib`, `o`; groups and smoothing
+//! groups change nothing, points, lines and free-form shapes named in a
 //! warning. The file becomes one object with a part for each material, in the order of first use;
 //! so `geom` tells the material, and a file of one material without normals keeps its vertices.
 //!
@@ -11,10 +11,12 @@
 
 mod mtl;
 mod parts;
+mod pictures;
 mod reader;
 
 use std::collections::{HashMap, HashSet};
 use std::path::PathBuf;
+use std::rc::Rc;
 
 use treelet_model::{Material, Model, Object, Placement};
 
@@ -23,6 +25,8 @@ use crate::error::{Place, Result, counted};
 use crate::source::{SidePath, Source};
 use crate::text::{self, Lines, Words};
 
+use mtl::Named;
+use pictures::Pictures;
 use reader::Reader;
 
 /// The format, as the catalogue names it.
@@ -34,7 +38,7 @@ impl Importer for Obj {
         Info {
             name: "obj",
             extensions: &["obj"],
-            summary: "Wavefront OBJ with MTL: polygons, vertex normals, materials",
+            summary: "Wavefront OBJ with MTL: polygons, normals, materials, textures",
         }
     }
 
@@ -73,14 +77,20 @@ impl Importer for Obj {
             // Vertices without faces still make a part.
             names.push(String::new());
         }
-        let mut library: HashMap<&str, &Material> = HashMap::new();
-        for material in &libraries.materials {
-            library.entry(&material.name).or_insert(material);
+        let mut pictures = Pictures::default();
+        let mut library: HashMap<String, Material> = HashMap::new();
+        for (folder, named) in std::mem::take(&mut libraries.materials) {
+            if !library.contains_key(&named.material.name) {
+                let material = pictures.cover(source, &folder, named)?;
+                library.insert(material.name.clone(), material);
+            }
         }
+        warnings.extend(pictures.warning());
+        model.images = pictures.images;
         let mut made = parts::make(source, reader, &mut warnings)?;
         for (part, name) in made.iter_mut().zip(names) {
             part.material = model.materials.len();
-            let known = library.get(name.as_str()).copied();
+            let known = library.get(&name);
             unknown += u64::from(known.is_none() && !name.is_empty());
             let plain = || Material { name, ..Material::default() };
             model.materials.push(known.cloned().unwrap_or_else(plain));
@@ -103,9 +113,8 @@ const LOOKED_AT: usize = 1 << 14;
 /// The material libraries of a file, each read once, whatever number of lines names it.
 #[derive(Debug, Default)]
 struct Libraries {
-    materials: Vec<Material>,
-    /// Whether a material has textures.
-    has_maps: bool,
+    /// Each with the folder of its library, from the scene's.
+    materials: Vec<(Rc<str>, Named)>,
     /// Files that were read.
     known: HashSet<PathBuf>,
     /// Lines that name a library which is missing or out of bounds.
@@ -121,7 +130,7 @@ impl Libraries {
         source.check_cancelled()?;
         let place = Place::Line(line);
         let error = match source.find(&place, name) {
-            Ok(side) => return self.take(source, &side),
+            Ok(side) => return self.take(source, name, &side),
             Err(error) => error,
         };
         // Not one name, blanks and all; then several.
@@ -129,7 +138,7 @@ impl Libraries {
         for name in name.split_ascii_whitespace() {
             source.check_cancelled()?;
             match source.find(&place, name) {
-                Ok(side) => self.take(source, &side)?,
+                Ok(side) => self.take(source, name, &side)?,
                 Err(_) => is_complete = false,
             }
         }
@@ -141,10 +150,16 @@ impl Libraries {
     }
 
     /// Takes the materials of a file at its first mention; its bytes are not kept.
-    fn take(&mut self, source: &Source<'_>, side: &SidePath) -> Result<()> {
+    fn take(&mut self, source: &Source<'_>, name: &str, side: &SidePath) -> Result<()> {
         if self.known.insert(side.real.clone()) {
             let bytes = source.read_side(side)?;
-            self.has_maps |= mtl::read(&source.beside(side, &bytes), &mut self.materials)?;
+            let mut materials = Vec::new();
+            mtl::read(&source.beside(side, &bytes), &mut materials)?;
+            let folder = name.rsplit_once(['/', '\\']).map_or("", |(folder, _)| folder);
+            let folder: Rc<str> = folder.into();
+            for named in materials {
+                source.push(&mut self.materials, (Rc::clone(&folder), named), "materials")?;
+            }
         }
         Ok(())
     }
@@ -157,9 +172,6 @@ impl Libraries {
                 1 => format!("Materials are missing: {first}."),
                 lines => format!("Materials of {lines} lines are missing; the first is {first}."),
             });
-        }
-        if self.has_maps {
-            warnings.push("Textures are not read; materials have their factors alone.".to_owned());
         }
         warnings
     }

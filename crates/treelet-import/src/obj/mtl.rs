@@ -24,13 +24,38 @@ struct Raw {
     illumination: Option<i64>,
     roughness: Option<f32>,
     metallic: Option<f32>,
+    maps: Vec<(Slot, Map)>,
 }
 
-/// Reads all materials of a library; tells whether one of them has a texture, which is not read.
-pub(super) fn read(source: &Source<'_>, materials: &mut Vec<Material>) -> Result<bool> {
+/// A material, and the pictures that it names.
+#[derive(Debug)]
+pub(super) struct Named {
+    pub(super) material: Material,
+    pub(super) maps: Vec<(Slot, Map)>,
+}
+
+/// What a picture is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Slot {
+    BaseColor,
+    Emission,
+    Opacity,
+    Normal,
+}
+
+/// A picture as a material names it.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Map {
+    pub(super) name: String,
+    pub(super) scale: [f32; 2],
+    pub(super) offset: [f32; 2],
+    pub(super) is_clamped: bool,
+}
+
+/// Reads all materials of a library.
+pub(super) fn read(source: &Source<'_>, materials: &mut Vec<Named>) -> Result<()> {
     source.whole(text::refuse_utf16(source.bytes))?;
     let mut raw: Option<Raw> = None;
-    let mut has_maps = false;
     let mut lines = Lines::new(source.bytes);
     while let Some(line) = lines.next() {
         let mut words = Words(line);
@@ -44,11 +69,13 @@ pub(super) fn read(source: &Source<'_>, materials: &mut Vec<Material>) -> Result
             raw = Some(Raw { name, ..Raw::default() });
             continue;
         }
-        if is_map(key) {
-            has_maps = true;
+        let Some(raw) = &mut raw else { continue };
+        if let Some(slot) = slot(key) {
+            if let Some(map) = map(words) {
+                source.push(&mut raw.maps, (slot, map), "materials")?;
+            }
             continue;
         }
-        let Some(raw) = &mut raw else { continue };
         match key {
             b"Kd" => raw.diffuse = color(source, &place, key, words)?,
             b"Ks" => raw.specular = color(source, &place, key, words)?,
@@ -73,12 +100,53 @@ pub(super) fn read(source: &Source<'_>, materials: &mut Vec<Material>) -> Result
     if let Some(raw) = raw {
         source.push(materials, raw.finish(), "materials")?;
     }
-    Ok(has_maps)
+    Ok(())
 }
 
-/// Whether a key names a texture.
-fn is_map(key: &[u8]) -> bool {
-    key.starts_with(b"map_") || [&b"bump"[..], b"disp", b"decal", b"refl", b"norm"].contains(&key)
+/// What the picture of a key is for; `None` for keys that are none or are not read.
+fn slot(key: &[u8]) -> Option<Slot> {
+    Some(match key {
+        b"map_Kd" => Slot::BaseColor,
+        b"map_Ke" => Slot::Emission,
+        b"map_d" => Slot::Opacity,
+        b"norm" | b"map_norm" => Slot::Normal,
+        _ => return None,
+    })
+}
+
+/// Reads a picture's options and, behind them, its name, which may have blanks in it.
+fn map(mut words: Words<'_>) -> Option<Map> {
+    let mut map = Map { name: String::new(), scale: [1.0; 2], offset: [0.0; 2], is_clamped: false };
+    loop {
+        let before = words.clone();
+        let option = words.next()?;
+        // How many words an option takes at most; those of `-o`, `-s` and `-t` may be fewer.
+        let (most, numbers) = match option {
+            b"-blendu" | b"-blendv" | b"-cc" | b"-clamp" | b"-imfchan" | b"-type" => (1, false),
+            b"-bm" | b"-boost" | b"-texres" => (1, true),
+            b"-mm" => (2, true),
+            b"-o" | b"-s" | b"-t" => (3, true),
+            _ => {
+                map.name = String::from_utf8_lossy(before.0.trim_ascii()).into_owned();
+                return Some(map);
+            }
+        };
+        for i in 0..most {
+            let ahead = words.clone();
+            let word = words.next()?;
+            let number = text::real(word).filter(|number| number.is_finite());
+            match (option, number) {
+                (_, None) if numbers => {
+                    words = ahead;
+                    break;
+                }
+                (b"-s", Some(number)) if i < 2 => map.scale[i] = number,
+                (b"-o", Some(number)) if i < 2 => map.offset[i] = number,
+                (b"-clamp", _) => map.is_clamped = word == b"on",
+                _ => {}
+            }
+        }
+    }
 }
 
 /// A number that belongs to `key`.
@@ -111,7 +179,19 @@ const CLEAR: f32 = 0.99;
 
 impl Raw {
     /// The nearest metallic-roughness material.
-    fn finish(self) -> Material {
+    fn finish(mut self) -> Named {
+        let maps = std::mem::take(&mut self.maps);
+        let mut material = self.material();
+        if maps.iter().any(|(slot, _)| *slot == Slot::BaseColor) && self.diffuse.is_none() {
+            material.base_color = [1.0; 3];
+        }
+        if maps.iter().any(|(slot, _)| *slot == Slot::Emission) && self.emission.is_none() {
+            material.emission = [1.0; 3];
+        }
+        Named { material, maps }
+    }
+
+    fn material(&self) -> Material {
         let plain = Material::default();
         let unit = |x: f32| if x.is_finite() { x.clamp(0.0, 1.0) } else { 0.0 };
         let light = |x: f32| if x.is_finite() { x.max(0.0) } else { 0.0 };
@@ -147,7 +227,7 @@ impl Raw {
             () => diffuse,
         };
         Material {
-            name: self.name,
+            name: self.name.clone(),
             base_color,
             metallic: unit(metallic),
             roughness: if transmission > 0.0 && self.roughness.is_none() && !shines {

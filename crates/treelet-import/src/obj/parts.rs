@@ -1,5 +1,5 @@
-//! From the corners of an OBJ file, which index positions and normals apart, to meshes, whose
-//! vertices have both.
+//! From the corners of an OBJ file, which index positions, normals and texture coordinates apart, to
+//! meshes, whose vertices have all of them.
 
 use treelet::Mesh;
 use treelet_model::Part;
@@ -8,7 +8,7 @@ use crate::error::{Result, counted};
 use crate::normals;
 use crate::source::Source;
 
-use super::reader::{Corner, NO_NORMAL, RawPart, Reader};
+use super::reader::{Corner, NONE, RawPart, Reader};
 
 /// A mesh for each part, in order, with the vertices that it uses in the order of first use.
 pub(super) fn make(
@@ -16,14 +16,15 @@ pub(super) fn make(
     reader: Reader<'_, '_>,
     warnings: &mut Vec<String>,
 ) -> Result<Vec<Part>> {
-    let Reader { positions, normals, parts, .. } = reader;
-    let has_normals = |part: &RawPart| {
-        let mut corners = part.triangles.as_flattened().iter();
-        corners.any(|corner| corner.normal != NO_NORMAL)
-    };
+    let Reader { positions, normals, uvs, parts, .. } = reader;
+    let any =
+        |part: &RawPart, has: fn(&Corner) -> bool| part.triangles.as_flattened().iter().any(has);
+    let has_normals = |part: &RawPart| any(part, |corner| corner.normal != NONE);
+    let has_uvs = |part: &RawPart| any(part, |corner| corner.texture != NONE);
     // The usual scan: everything as the file has it, no vertex moved.
     if let [part] = &parts[..]
         && !has_normals(part)
+        && !has_uvs(part)
     {
         let mut triangles = source.vec(part.triangles.len(), "triangles")?;
         triangles.extend(part.triangles.iter().map(|t| t.map(|corner| corner.position)));
@@ -40,7 +41,7 @@ pub(super) fn make(
     let mut made = Vec::new();
     let mut replaced = 0;
     for part in parts {
-        let has_normals = has_normals(&part);
+        let (has_normals, has_uvs) = (has_normals(&part), has_uvs(&part));
         let triangles = weld.number(&part.triangles)?;
         let mut own_positions = source.vec(weld.vertices.len(), "vertex positions")?;
         let position = |v: &Vertex| positions.get(v.corner.position as usize).copied();
@@ -55,8 +56,15 @@ pub(super) fn make(
         } else {
             None
         };
+        let mut own_uvs = Vec::new();
+        if has_uvs {
+            let mut own = source.vec(weld.vertices.len(), "texture coordinates")?;
+            let uv = |v: &Vertex| uvs.get(v.corner.texture as usize).copied();
+            own.extend(weld.vertices.iter().map(|v| uv(v).unwrap_or_default()));
+            own_uvs.push(own.into());
+        }
         weld.reset();
-        made.push(Part { normals: own_normals, ..Part::new(mesh, 0) });
+        made.push(Part { normals: own_normals, uvs: own_uvs, ..Part::new(mesh, 0) });
     }
     if replaced > 0 {
         let one = "normal that is missing or of no length was";
@@ -65,9 +73,6 @@ pub(super) fn make(
     }
     Ok(made)
 }
-
-/// No vertex yet.
-const NONE: u32 = u32::MAX;
 
 /// So many vertices of a position are looked through before a new one is made without need; keeps
 /// a file with a million normals at one position linear.

@@ -7,15 +7,17 @@ use crate::polygon::{Splitter, quad_splits_at_0};
 use crate::source::Source;
 use crate::text::{self, Lines, Words};
 
-/// A corner of a triangle: indices into the file's positions and normals.
+/// A corner of a triangle: indices into the file's positions, texture coordinates and normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Corner {
     pub(super) position: u32,
-    /// [`NO_NORMAL`] if the file gives none.
+    /// [`NONE`] if the file gives none, and so below.
+    pub(super) texture: u32,
     pub(super) normal: u32,
 }
 
-pub(super) const NO_NORMAL: u32 = u32::MAX;
+/// No index.
+pub(super) const NONE: u32 = u32::MAX;
 
 /// The triangles of one material.
 #[derive(Debug, Default)]
@@ -31,7 +33,7 @@ pub(super) struct Reader<'s, 'a> {
     pub(super) name: String,
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) normals: Vec<[f32; 3]>,
-    texture_coordinates: u64,
+    pub(super) uvs: Vec<[f32; 2]>,
     pub(super) parts: Vec<RawPart>,
     part_of_material: HashMap<Vec<u8>, usize>,
     /// Index of the part that faces go to.
@@ -66,7 +68,7 @@ impl<'s, 'a> Reader<'s, 'a> {
             name: String::new(),
             positions: Vec::new(),
             normals: Vec::new(),
-            texture_coordinates: 0,
+            uvs: Vec::new(),
             parts: Vec::new(),
             part_of_material: HashMap::new(),
             at: None,
@@ -165,8 +167,8 @@ impl<'s, 'a> Reader<'s, 'a> {
                 self.source.push(&mut self.normals, normal, "vertex normals")
             }
             b"vt" => {
-                self.texture_coordinates += 1;
-                Ok(())
+                let uv = self.uv(&mut words, number)?;
+                self.source.push(&mut self.uvs, uv, "texture coordinates")
             }
             b"f" | b"fo" => self.face(words, number),
             b"usemtl" => self.use_material(words.0.trim_ascii()),
@@ -216,6 +218,21 @@ impl<'s, 'a> Reader<'s, 'a> {
             }
         }
         Ok(vector)
+    }
+
+    /// One or two numbers; a third may follow. Files count v from below, the model from above.
+    #[inline]
+    fn uv(&self, words: &mut Words<'_>, number: u64) -> Result<[f32; 2]> {
+        let u = words.next();
+        let v = words.next().unwrap_or(b"0");
+        match (u.and_then(text::real), text::real(v)) {
+            (Some(u), Some(v)) => Ok([u, 1.0 - v]),
+            (read, _) => {
+                let word = if read.is_none() { u } else { Some(v) };
+                let fault = text::no_number(word, "a texture coordinate");
+                Err(self.source.error(Place::Line(number), fault))
+            }
+        }
     }
 
     /// Makes the part of a material the one that faces go to.
@@ -284,17 +301,22 @@ impl<'s, 'a> Reader<'s, 'a> {
     fn corner(&self, word: &[u8]) -> std::result::Result<Corner, Fault> {
         let mut indices = word.split(|&b| b == b'/');
         let position = indices.next().unwrap_or_default();
-        let _texture = indices.next();
+        let texture = indices.next().unwrap_or_default();
         let normal = indices.next().unwrap_or_default();
         if indices.next().is_some() {
             return Err(bad_corner(word));
         }
         let position = index(position, self.positions.len(), "vertex", word)?;
+        let texture = match texture {
+            [] => NONE,
+            // A picture may lie wrong where this leads nowhere; the shape is right.
+            texture => index(texture, self.uvs.len(), "texture coordinate", word).unwrap_or(NONE),
+        };
         let normal = match normal {
-            [] => NO_NORMAL,
+            [] => NONE,
             normal => index(normal, self.normals.len(), "normal", word)?,
         };
-        Ok(Corner { position, normal })
+        Ok(Corner { position, texture, normal })
     }
 }
 
@@ -346,7 +368,7 @@ fn index(
     let Some(value) = text::integer(word) else { return Err(bad_corner(corner)) };
     let index = if value < 0 { value.checked_add(len as i64) } else { value.checked_sub(1) };
     match index.and_then(|index| u32::try_from(index).ok()) {
-        Some(index) if (index as usize) < len && index != NO_NORMAL => Ok(index),
+        Some(index) if (index as usize) < len && index != NONE => Ok(index),
         _ => Err(out_of_range(value, len, what)),
     }
 }

@@ -1,7 +1,7 @@
 //! The faces and triangle strips of a PLY file.
 
-use crate::error::{DAMAGED, Place, Result, counted};
-use crate::polygon::{Splitter, quad_splits_at_0};
+use crate::error::{Place, Result};
+use crate::polygons::Polygons;
 use crate::source::Source;
 
 use super::header::{Element, Kind, Type};
@@ -14,11 +14,8 @@ const TRIANGLES: &str = "triangles";
 pub(super) struct Faces<'s, 'a> {
     source: &'s Source<'a>,
     pub(super) triangles: Vec<[u32; 3]>,
-    /// Faces of fewer than three corners.
-    too_small: u64,
-    splitter: Splitter,
+    polygons: Polygons,
     polygon: Vec<u32>,
-    corners: Vec<[f32; 3]>,
 }
 
 impl<'s, 'a> Faces<'s, 'a> {
@@ -26,26 +23,43 @@ impl<'s, 'a> Faces<'s, 'a> {
         Self {
             source,
             triangles: Vec::new(),
-            too_small: 0,
-            splitter: Splitter::new(&source.options.cancel),
+            polygons: Polygons::new(&source.options.cancel),
             polygon: Vec::new(),
-            corners: Vec::new(),
         }
     }
 
     /// What was left out.
     pub(super) fn warnings(&self) -> Option<String> {
-        let faces = self.too_small;
-        let counted = counted(faces, "face has", "faces have");
-        (faces > 0).then(|| format!("{counted} fewer than three corners; left out."))
+        self.polygons.warnings()
     }
 
     /// Reads all rows of an element of faces or strips.
-    pub(super) fn read<R: Rows<'a>>(
+    pub(super) fn read<'b, R: Rows<'b>>(
         &mut self,
         element: &Element,
         rows: &mut R,
         positions: &[[f32; 3]],
+    ) -> Result<()> {
+        self.expect(element, rows.rest())?;
+        self.read_part(element, rows, positions, 0)
+    }
+
+    /// Makes room for the triangles of an element, of which `rest` bytes of file are left.
+    pub(super) fn expect(&mut self, element: &Element, rest: u64) -> Result<()> {
+        if element.name == "tristrips" {
+            return Ok(());
+        }
+        let rows = usize::try_from(element.count.min(rest)).unwrap_or(usize::MAX);
+        self.source.make_room(&mut self.triangles, rows, TRIANGLES)
+    }
+
+    /// Reads some rows of an element, from row `first` of it on.
+    pub(super) fn read_part<'b, R: Rows<'b>>(
+        &mut self,
+        element: &Element,
+        rows: &mut R,
+        positions: &[[f32; 3]],
+        first: u64,
     ) -> Result<()> {
         let is_strips = element.name == "tristrips";
         let Some((index, count_type, item_type)) = index_list(element) else {
@@ -58,10 +72,6 @@ impl<'s, 'a> Faces<'s, 'a> {
                 "export the file again, with faces as lists of vertex indices",
             ));
         };
-        if !is_strips {
-            let rows = usize::try_from(element.count).unwrap_or(usize::MAX);
-            self.source.make_room(&mut self.triangles, rows, TRIANGLES)?;
-        }
         let is_common = element.properties.len() == 1
             && matches!((count_type, item_type), (Type::U8, Type::I32 | Type::U32));
         let mut row = 0;
@@ -81,7 +91,7 @@ impl<'s, 'a> Faces<'s, 'a> {
             if is_strips {
                 self.add_strips()?;
             } else {
-                self.add_polygon(row, positions)?;
+                self.add_polygon(first + row, positions)?;
             }
             row += 1;
         }
@@ -90,7 +100,7 @@ impl<'s, 'a> Faces<'s, 'a> {
 
     /// The fast path: as many rows of `3 a b c`, one byte and three little-endian words, as follow
     /// each other. Returns how many.
-    fn read_triangle_run<R: Rows<'a>>(&mut self, rows: &mut R, most: u64) -> Result<u64> {
+    fn read_triangle_run<'b, R: Rows<'b>>(&mut self, rows: &mut R, most: u64) -> Result<u64> {
         const ROW: usize = 13;
         let room = (rows.rest() / ROW as u64).min(most).min(POLL_ROWS);
         let mut look = rows.clone();
@@ -110,7 +120,7 @@ impl<'s, 'a> Faces<'s, 'a> {
     }
 
     /// Reads one row; its index list goes to `self.polygon`.
-    fn read_row<R: Rows<'a>>(
+    fn read_row<'b, R: Rows<'b>>(
         &mut self,
         element: &Element,
         index: usize,
@@ -137,40 +147,9 @@ impl<'s, 'a> Faces<'s, 'a> {
 
     /// Adds the triangles of the polygon just read.
     fn add_polygon(&mut self, row: u64, positions: &[[f32; 3]]) -> Result<()> {
-        let source = self.source;
-        match self.polygon[..] {
-            [] | [_] | [_, _] => {
-                self.too_small += 1;
-                return Ok(());
-            }
-            // The scene builder judges the indices of plain triangles.
-            [a, b, c] => return source.push(&mut self.triangles, [a, b, c], TRIANGLES),
-            _ => {}
-        }
-        self.corners.clear();
-        source.make_room(&mut self.corners, self.polygon.len(), "a face")?;
-        for &vertex in &self.polygon {
-            let Some(&position) = positions.get(vertex as usize) else {
-                let found = format!("names vertex {vertex} of {}", positions.len());
-                return Err(source.broken(Place::Element(format!("face {row}")), found, DAMAGED));
-            };
-            self.corners.push(position);
-        }
-        if let ([a, b, c, d], [p, q, r, s]) = (&self.polygon[..], &self.corners[..])
-            && quad_splits_at_0([*p, *q, *r, *s])
-        {
-            source.push(&mut self.triangles, [*a, *b, *c], TRIANGLES)?;
-            return source.push(&mut self.triangles, [*a, *c, *d], TRIANGLES);
-        }
-        let split = self
-            .splitter
-            .split(&self.corners)
-            .map_err(|fault| source.error(Place::Element(format!("face {row}")), fault))?;
-        for triangle in split {
-            let triangle = triangle.map(|corner| self.polygon[corner as usize]);
-            source.push(&mut self.triangles, triangle, TRIANGLES)?;
-        }
-        Ok(())
+        let place = || Place::Element(format!("face {row}"));
+        let Self { source, triangles, polygons, polygon, .. } = self;
+        polygons.add(source, place, polygon, positions, triangles)
     }
 
     /// Adds the triangles of the strips just read; a negative index starts a new strip.

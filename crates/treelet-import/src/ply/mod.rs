@@ -14,6 +14,7 @@
 mod faces;
 mod header;
 mod rows;
+mod stream;
 mod vertices;
 
 use treelet::Mesh;
@@ -23,6 +24,7 @@ use crate::catalogue::{Importer, Info};
 use crate::error::{Place, Result, counted, quote};
 use crate::normals;
 use crate::source::Source;
+use crate::stream::Stream;
 use crate::text;
 
 use faces::Faces;
@@ -60,6 +62,21 @@ impl Importer for Ply {
             }
         }
     }
+
+    fn stream(&self, stream: &mut Stream<'_>) -> Result<Option<Model>> {
+        if !self.sniff(stream.bytes()) {
+            return Ok(None);
+        }
+        let header = header::read(&stream.source())?;
+        stream::read(stream, &header)
+    }
+}
+
+/// The warning about bytes behind all elements.
+fn not_read(rest: u64) -> String {
+    let one = "byte after the last element is";
+    let several = "bytes after the last element are";
+    format!("{} not read.", counted(rest, one, several))
 }
 
 /// Reads the elements in the file's order; faces that stand before the vertices are read last.
@@ -109,9 +126,7 @@ fn read_body<'a, R: Rows<'a>>(source: &Source<'a>, header: &Header, mut rows: R)
     }
     let rest = rows.rest();
     if rest > 0 {
-        let one = "byte after the last element is";
-        let several = "bytes after the last element are";
-        warnings.push(format!("{} not read.", counted(rest, one, several)));
+        warnings.push(not_read(rest));
     }
     Ok(model(vertices, faces, warnings))
 }
@@ -127,7 +142,8 @@ fn model(vertices: Vertices, faces: Faces<'_, '_>, mut warnings: Vec<String>) ->
         }
         array.into()
     });
-    let part = Part { normals, ..Part::new(mesh, 0) };
+    let uvs = vertices.uvs.map(Into::into).into_iter().collect();
+    let part = Part { normals, uvs, ..Part::new(mesh, 0) };
     Model {
         objects: vec![Object { name: String::new(), parts: vec![part] }],
         placements: vec![Placement { object: 0, world_from_object: Default::default() }],

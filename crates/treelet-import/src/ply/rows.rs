@@ -103,16 +103,23 @@ pub(super) const POLL_ROWS: u64 = 1 << 14;
 pub(super) struct Binary<'s, 'a, const BIG: bool> {
     source: &'s Source<'a>,
     at: usize,
+    /// Where in the file the bytes of the source start.
+    base: u64,
 }
 
 impl<'s, 'a, const BIG: bool> Binary<'s, 'a, BIG> {
     pub(super) fn new(source: &'s Source<'a>, at: usize) -> Self {
-        Self { source, at }
+        Self { source, at, base: 0 }
+    }
+
+    /// Rows of a part of the file that starts at byte `base` of it.
+    pub(super) fn of_part(source: &'s Source<'a>, base: u64) -> Self {
+        Self { source, at: 0, base }
     }
 
     #[cold]
     fn ended(&self) -> ImportError {
-        self.source.broken(Place::Byte(self.at as u64), "the file ends inside an element", DAMAGED)
+        self.source.broken(self.place(), "the file ends inside an element", DAMAGED)
     }
 
     #[inline(always)]
@@ -176,7 +183,7 @@ impl<'a, const BIG: bool> Rows<'a> for Binary<'_, 'a, BIG> {
     }
 
     fn place(&self) -> Place {
-        Place::Byte(self.at as u64)
+        Place::Byte(self.base + self.at as u64)
     }
 
     fn source(&self) -> &Source<'a> {

@@ -11,12 +11,15 @@ use super::rows::{POLL_ROWS, Rows};
 pub(super) struct Vertices {
     pub(super) positions: Vec<[f32; 3]>,
     pub(super) normals: Option<Vec<[f32; 3]>>,
+    pub(super) uvs: Option<Vec<[f32; 2]>>,
 }
 
 /// Columns that are read, in the order of the slots below.
 const NAMES: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
+/// What programs call texture coordinates, which come after them.
+const UVS: [[&str; 2]; 4] = [["u", "v"], ["s", "t"], ["texture_u", "texture_v"], ["s0", "t0"]];
 /// Where the values of other columns go.
-const SPARE: usize = NAMES.len();
+const SPARE: usize = NAMES.len() + 2;
 
 /// Reads all rows of the vertex element.
 pub(super) fn read<'a, R: Rows<'a>>(
@@ -25,17 +28,25 @@ pub(super) fn read<'a, R: Rows<'a>>(
     rows: &mut R,
     warnings: &mut Vec<String>,
 ) -> Result<Vertices> {
-    // Find the columns.
-    let columns = NAMES.map(|name| element.find(&[name]));
-    let has = |range: &[Option<usize>]| range.iter().all(Option::is_some);
-    if !has(&columns[..3]) {
+    let mut vertices = empty(source, element, warnings)?;
+    append(source, element, rows, &mut vertices)?;
+    Ok(vertices)
+}
+
+/// No vertices yet, with room for all rows of the element.
+pub(super) fn empty(
+    source: &Source<'_>,
+    element: &Element,
+    warnings: &mut Vec<String>,
+) -> Result<Vertices> {
+    let has = |names: &[&str]| names.iter().all(|name| element.find(&[name]).is_some());
+    if !has(&NAMES[..3]) {
         return Err(source.broken(
             Place::Line(element.line),
             "the element \"vertex\" lacks x, y or z",
             "export the file again, with positions",
         ));
     }
-    let has_normals = has(&columns[3..]);
     if element.find(&["red", "diffuse_red", "r"]).is_some() {
         warnings.push("Vertex colours are not read.".to_owned());
     }
@@ -43,18 +54,39 @@ pub(super) fn read<'a, R: Rows<'a>>(
         let found = format!("{} vertices are more than this machine can address", element.count);
         return Err(source.broken(Place::Line(element.line), found, "split the file"));
     };
-    let mut positions = source.vec(count, "vertex positions")?;
-    let mut normals = if has_normals { Some(source.vec(count, "vertex normals")?) } else { None };
+    let positions = source.vec(count, "vertex positions")?;
+    let has_normals = has(&NAMES[3..6]);
+    let normals = if has_normals { Some(source.vec(count, "vertex normals")?) } else { None };
+    let uvs = match UVS.iter().find(|names| has(&names[..])) {
+        Some(_) => Some(source.vec(count, "texture coordinates")?),
+        None => None,
+    };
+    Ok(Vertices { positions, normals, uvs })
+}
 
-    if let (Some(stride), Some(offset), false) =
-        (element.fixed_row(), packed_xyz(element), has_normals)
+/// Reads the rows of a part of the vertex element, for which there is room.
+pub(super) fn append<'a, R: Rows<'a>>(
+    source: &Source<'a>,
+    element: &Element,
+    rows: &mut R,
+    vertices: &mut Vertices,
+) -> Result<()> {
+    let Vertices { positions, normals, uvs } = vertices;
+    if let (Some(stride), Some(offset), None, None) =
+        (element.fixed_row(), packed_xyz(element), &normals, &uvs)
         && R::LITTLE_ENDIAN
     {
-        read_packed(rows, stride, offset, count, &mut positions)?;
-        return Ok(Vertices { positions, normals });
+        let count = usize::try_from(element.count).unwrap_or(usize::MAX);
+        return read_packed(rows, stride, offset, count, positions);
     }
 
     // Read row by row, each value into its slot.
+    let uv_names =
+        UVS.iter().find(|names| names.iter().all(|name| element.find(&[name]).is_some()));
+    let uv_names = uv_names.unwrap_or(&UVS[0]);
+    let names =
+        [NAMES[0], NAMES[1], NAMES[2], NAMES[3], NAMES[4], NAMES[5]].into_iter().chain(*uv_names);
+    let columns: Vec<Option<usize>> = names.map(|name| element.find(&[name])).collect();
     let slots: Vec<(Kind, usize)> = element
         .properties
         .iter()
@@ -76,13 +108,17 @@ pub(super) fn read<'a, R: Rows<'a>>(
             }
         }
         rows.end_row()?;
-        let [x, y, z, nx, ny, nz, _] = values.map(|value| value as f32);
+        let [x, y, z, nx, ny, nz, u, v, _] = values.map(|value| value as f32);
         positions.push([x, y, z]);
-        if let Some(normals) = &mut normals {
+        if let Some(normals) = normals {
             normals.push([nx, ny, nz]);
         }
+        if let Some(uvs) = uvs {
+            // Files count v from below.
+            uvs.push([u, 1.0 - v]);
+        }
     }
-    Ok(Vertices { positions, normals })
+    Ok(())
 }
 
 /// The offset of x, y, z in a row if they are three f32 one after another.

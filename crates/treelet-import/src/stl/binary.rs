@@ -4,6 +4,7 @@ use treelet_model::Model;
 
 use crate::error::{DAMAGED, Place, Result, counted};
 use crate::source::Source;
+use crate::stream::Stream;
 
 /// Free text, then the count.
 const HEADER: usize = 84;
@@ -55,13 +56,34 @@ pub(super) fn read(source: &Source<'_>) -> Result<Model> {
         }
     };
 
-    // Take three corners from each row.
     let mut corners = source.vec(count * 3, "vertex positions")?;
+    take_rows(rows, &mut corners);
+    super::model(source, String::new(), vec![corners], warnings)
+}
+
+/// Takes three corners from each row of 50 bytes.
+fn take_rows(rows: &[u8], corners: &mut Vec<[f32; 3]>) {
     let (rows, _) = rows.as_chunks::<ROW>();
     for row in rows {
         let (words, _) = row[CORNERS..].as_chunks::<4>();
         let x = |i: usize| f32::from_le_bytes(words[i]);
         corners.extend([[x(0), x(1), x(2)], [x(3), x(4), x(5)], [x(6), x(7), x(8)]]);
     }
-    super::model(source, String::new(), vec![corners], warnings)
+}
+
+/// Reads a large file through a window, if its size is what its count calls for.
+pub(super) fn stream(stream: &mut Stream<'_>) -> Result<Option<Model>> {
+    let Some(count) = count(stream.bytes()) else { return Ok(None) };
+    let is_sure = stream.len() == HEADER as u64 + count as u64 * ROW as u64;
+    if !is_sure || count > super::TRIANGLES_MAX {
+        return Ok(None);
+    }
+    let mut corners = stream.source().vec(count * 3, "vertex positions")?;
+    stream.advance(HEADER)?;
+    while corners.len() < 3 * count {
+        let whole = stream.bytes().len() / ROW * ROW;
+        take_rows(&stream.bytes()[..whole], &mut corners);
+        stream.advance(whole)?;
+    }
+    super::model(&stream.source(), String::new(), vec![corners], Vec::new()).map(Some)
 }

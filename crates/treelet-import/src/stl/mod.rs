@@ -14,6 +14,7 @@ use treelet_model::{Material, Model, Object, Part, Placement};
 use crate::catalogue::{Importer, Info};
 use crate::error::Result;
 use crate::source::Source;
+use crate::stream::Stream;
 use crate::text;
 
 /// The format, as the catalogue names it.
@@ -41,6 +42,10 @@ impl Importer for Stl {
         } else {
             binary::read(source)
         }
+    }
+
+    fn stream(&self, stream: &mut Stream<'_>) -> Result<Option<Model>> {
+        binary::stream(stream)
     }
 }
 

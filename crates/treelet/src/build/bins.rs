@@ -2,7 +2,8 @@
 //!
 //! All three axes are priced side by side, one in each lane.
 
-use super::lanes::{Box4, Extent4, Ref};
+use super::lanes::{Around, Box4, Ref};
+use crate::simd::Simd;
 use crate::simd::f4::F4;
 use alloc::boxed::Box;
 
@@ -74,22 +75,28 @@ pub(super) struct Bins {
 
 impl Bins {
     pub(super) fn new() -> Box<Self> {
-        Box::new(Self { boxes: [[Box4::empty(); 3]; BINS_MAX], counts: [[0; 4]; BINS_MAX] })
+        Box::new(Self { boxes: [[Box4::EMPTY; 3]; BINS_MAX], counts: [[0; 4]; BINS_MAX] })
     }
 
     /// Drops every primitive into one bin an axis.
-    #[inline(never)]
-    pub(super) fn fill<'a>(&mut self, grid: &Grid, refs: impl Iterator<Item = &'a Ref>) {
-        self.boxes[..grid.bins].fill([Box4::empty(); 3]);
+    #[inline(always)]
+    pub(super) fn fill<'a, S: Simd>(
+        &mut self,
+        simd: S,
+        grid: &Grid,
+        refs: impl Iterator<Item = &'a Ref>,
+    ) {
+        self.boxes[..grid.bins].fill([Box4::EMPTY; 3]);
         self.counts[..grid.bins].fill([0; 4]);
         let top = F4::splat((grid.bins - 1) as f32);
         for item in refs {
-            let bounds = item.bounds();
+            let bounds = Around::load(simd, item.bounds());
+            let grown = |bin: &Box4| Around::load(simd, bin).union(bounds).store();
             let [x, y, z] = grid.place(item.center2()).min(top).to_indices();
             let (x, y, z) = (x % BINS_MAX, y % BINS_MAX, z % BINS_MAX);
-            self.boxes[x][0] = self.boxes[x][0].union(bounds);
-            self.boxes[y][1] = self.boxes[y][1].union(bounds);
-            self.boxes[z][2] = self.boxes[z][2].union(bounds);
+            self.boxes[x][0] = grown(&self.boxes[x][0]);
+            self.boxes[y][1] = grown(&self.boxes[y][1]);
+            self.boxes[z][2] = grown(&self.boxes[z][2]);
             self.counts[x][0] += 1;
             self.counts[y][1] += 1;
             self.counts[z][2] += 1;
@@ -100,25 +107,31 @@ impl Bins {
     /// first bin.
     ///
     /// A side of `n` primitives has `ceil(n / block)` leaf tests, `block` being a power of two.
-    #[inline(never)]
-    pub(super) fn cheapest(&self, bins: usize, unit: F4, block: u32) -> Option<Plane> {
+    #[inline(always)]
+    pub(super) fn cheapest<S: Simd>(
+        &self,
+        simd: S,
+        bins: usize,
+        unit: F4,
+        block: u32,
+    ) -> Option<Plane> {
         let bins = bins.min(BINS_MAX);
         let never = F4::splat(f32::INFINITY);
         let (more, share) = (F4::splat((block - 1) as f32), F4::splat(1.0 / block as f32));
         let tests = |count: F4| count.add(more).mul(share).trunc();
-        let areas = |sides: &[Box4; 3]| {
-            let edges = |side: Box4| side.edges().mul(unit);
+        let areas = |sides: &[Around<S>; 3]| {
+            let edges = |side: Around<S>| side.store().edges().mul(unit);
             F4::half_areas([edges(sides[0]), edges(sides[1]), edges(sides[2])])
         };
-        let grow = |sides: &mut [Box4; 3], by: &[Box4; 3]| {
+        let grow = |sides: &mut [Around<S>; 3], by: &[Box4; 3]| {
             for axis in 0..3 {
-                sides[axis] = sides[axis].union(by[axis]);
+                sides[axis] = sides[axis].union(Around::load(simd, &by[axis]));
             }
         };
 
         // From the right: the cost of everything from each bin on.
         let mut right_cost = [never; BINS_MAX];
-        let (mut right, mut after) = ([Box4::empty(); 3], F4::splat(0.0));
+        let (mut right, mut after) = ([Around::empty(simd); 3], F4::splat(0.0));
         for bin in (1..bins).rev() {
             grow(&mut right, &self.boxes[bin]);
             after = after.add(F4::from_counts(&self.counts[bin]));
@@ -126,7 +139,7 @@ impl Bins {
         }
 
         // From the left: add the cost of everything before it.
-        let (mut left, mut before) = ([Box4::empty(); 3], F4::splat(0.0));
+        let (mut left, mut before) = ([Around::empty(simd); 3], F4::splat(0.0));
         let (mut best, mut best_bin) = (never, F4::splat(0.0));
         for bin in 1..bins {
             grow(&mut left, &self.boxes[bin - 1]);
@@ -152,10 +165,4 @@ impl Bins {
 #[inline(always)]
 fn price(count: F4, price: F4) -> F4 {
     F4::splat(0.0).less_pick(count, price, F4::splat(f32::INFINITY))
-}
-
-/// The extent of a contiguous range.
-#[inline(never)]
-pub(super) fn extent_of(refs: &[Ref]) -> Extent4 {
-    Extent4::of(refs.iter())
 }

@@ -16,7 +16,8 @@ use super::bins::{BINS_MAX, Bins, Grid, unit};
 use super::lanes::{Extent4, Ref};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, parallel};
-use crate::memory;
+use crate::memory::Pages;
+use crate::simd::{Checked, Kernel, Simd};
 use alloc::vec::Vec;
 
 /// The most primitives in the sample. A quarter of it made trees 3 % dearer, one eighth 9 % (a
@@ -116,14 +117,18 @@ impl Top {
 /// The primitives, one group after the other, and the top that leads to the groups.
 pub(super) fn gather(
     bounds: &[Aabb],
+    level: Checked,
     context: &Context<'_>,
-) -> Result<(Vec<Ref>, Top), BuildError> {
-    let mut refs = memory::try_with_capacity(bounds.len(), "primitive references")?;
+) -> Result<(Pages<Ref>, Top), BuildError> {
+    // Fresh pages, first touched by whoever moves references there.
+    let mut refs = Pages::zeroed(bounds.len(), "primitive references")?;
     if bounds.len() <= GROUPS_MIN {
-        refs.extend(bounds.iter().zip(0..).map(|(bounds, prim)| Ref::new(bounds, prim)));
+        for ((bounds, prim), place) in bounds.iter().zip(0..).zip(&mut *refs) {
+            *place = Ref::new(bounds, prim);
+        }
         return Ok((refs, Top::of_one(bounds.len())));
     }
-    let mut top = cut_sample(bounds, context)?;
+    let mut top = level.run(CutSample { bounds, context })?;
 
     // Name everybody's group.
     let named = parallel::map_chunks(bounds, CHUNK, |_, bounds| {
@@ -135,16 +140,10 @@ pub(super) fn gather(
         group.count = named.iter().map(|(_, counts)| counts[at] as usize).sum();
     }
 
-    // First touched here: fresh pages take longer than what is written to them.
-    while refs.len() < bounds.len() {
-        context.cancel.check()?;
-        refs.resize(bounds.len().min(refs.len() + CHUNK), Ref::none());
-    }
-
     // Give each chunk its part of each group, in the order of the chunks, and move everybody there.
     let mut parts: Vec<Vec<&mut [Ref]>> =
         named.iter().map(|_| Vec::with_capacity(top.groups.len())).collect();
-    let mut rest = refs.as_mut_slice();
+    let mut rest = &mut *refs;
     for at in 0..top.groups.len() {
         for (part, (_, counts)) in parts.iter_mut().zip(&named) {
             let (head, tail) = rest.split_at_mut(counts[at] as usize);
@@ -168,7 +167,22 @@ pub(super) fn gather(
 }
 
 /// Cuts a sample into groups.
-fn cut_sample(bounds: &[Aabb], context: &Context<'_>) -> Result<Top, Cancelled> {
+struct CutSample<'a> {
+    bounds: &'a [Aabb],
+    context: &'a Context<'a>,
+}
+
+impl Kernel for CutSample<'_> {
+    type Output = Result<Top, Cancelled>;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
+        cut_sample(simd, self.bounds, self.context)
+    }
+}
+
+#[inline(always)]
+fn cut_sample<S: Simd>(simd: S, bounds: &[Aabb], context: &Context<'_>) -> Result<Top, Cancelled> {
     let stride = bounds.len().div_ceil(SAMPLE);
     let mut sample: Vec<Ref> =
         bounds.iter().step_by(stride).map(|bounds| Ref::new(bounds, 0)).collect();
@@ -184,7 +198,7 @@ fn cut_sample(bounds: &[Aabb], context: &Context<'_>) -> Result<Top, Cancelled> 
         let may_cut = part.len() > GROUP_SAMPLE
             && depth < TOP_DEPTH_MAX
             && top.groups.len() + open.len() + 2 <= GROUPS_MAX;
-        let cut = if may_cut { cut_part(part, &mut bins) } else { None };
+        let cut = if may_cut { cut_part(simd, part, &mut bins) } else { None };
         let Some((axis, edge, middle)) = cut else {
             top.nodes[node].group = top.groups.len() as u32;
             top.groups.push(Group { node, depth, count: 0 });
@@ -204,11 +218,12 @@ fn cut_sample(bounds: &[Aabb], context: &Context<'_>) -> Result<Top, Cancelled> 
 }
 
 /// Partitions a part of the sample at its cheapest plane: the axis, where, and how many are left.
-fn cut_part(part: &mut [Ref], bins: &mut Bins) -> Option<(usize, f32, usize)> {
-    let extent = Extent4::of(part.iter());
+#[inline(always)]
+fn cut_part<S: Simd>(simd: S, part: &mut [Ref], bins: &mut Bins) -> Option<(usize, f32, usize)> {
+    let extent = Extent4::of(simd, part.iter());
     let grid = Grid::new(extent.centers, BINS_MAX);
-    bins.fill(&grid, part.iter());
-    let plane = bins.cheapest(grid.bins, unit(extent.bounds), 1)?;
+    bins.fill(simd, &grid, part.iter());
+    let plane = bins.cheapest(simd, grid.bins, unit(extent.bounds), 1)?;
     let edge = grid.edge(plane.axis, plane.bin);
     let mut left = 0;
     for at in 0..part.len() {

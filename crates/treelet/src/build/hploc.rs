@@ -10,6 +10,9 @@
 //! neighbours in memory and nothing is copied; ties are settled by a rule that is the same from both
 //! sides of a pair.
 //!
+//! Tried and lost: the same code compiled for AVX2 and AVX-512, which takes a kitchen as long and a car
+//! 9 % longer: longer stores are waited for where the next loads are shifted against them.
+//!
 //! O(n) time. A tree too deep (ever larger boxes side by side) is given up for that of `lbvh`.
 
 use super::bottom_up::{self, Below, Cluster, Join};

@@ -43,6 +43,21 @@ pub(crate) struct Meetings {
     pub(crate) v: [f32; RAYS],
 }
 
+/// A triangle as 16 rays see it, and what f32 is certain of.
+struct Seen<S: Simd> {
+    /// Rays that may hit it.
+    mask: u32,
+    /// Rays for which all three signs are the same, and certain.
+    certain: u32,
+    /// The corners, moved and sheared.
+    a: [S::F16; 3],
+    b: [S::F16; 3],
+    c: [S::F16; 3],
+    /// Where the rays are in the triangle's own box.
+    entry: S::F16,
+    exit: S::F16,
+}
+
 impl Bundle<'_> {
     /// Which of the rays in `mask` hit the triangle up to `t_max`, and where.
     #[inline(always)]
@@ -51,8 +66,46 @@ impl Bundle<'_> {
         simd: S,
         corners: &[[f32; 3]; 3],
         mask: u32,
-        t_max: &[f32; RAYS],
+        t_max: &Lanes,
     ) -> Option<Meetings> {
+        let seen = self.see(simd, corners, mask, t_max)?;
+        self.settled(simd, &seen, seen.mask, t_max)
+    }
+
+    /// Which of the rays in `mask` hit the triangle up to `t_max`, if it does not matter where.
+    ///
+    /// `tame` says that no ray of the bundle can make `t` or a sheared corner infinite. Where f32 is
+    /// certain of all signs, the determinant is not zero; and where all of the triangle's own
+    /// box counts, so does the `t` that is clamped into it, whatever it is.
+    #[inline(always)]
+    pub(crate) fn any<S: Simd>(
+        &self,
+        simd: S,
+        corners: &[[f32; 3]; 3],
+        mask: u32,
+        t_max: &Lanes,
+        tame: bool,
+    ) -> u32 {
+        let Some(seen) = self.see(simd, corners, mask, t_max) else { return 0 };
+        let (t_min, end) = (S::F16::load(simd, self.t_min), S::F16::load(simd, t_max));
+        let within = t_min.le(seen.entry) & seen.exit.le(end);
+        let certain = if tame { seen.mask & seen.certain & within } else { 0 };
+        let open = seen.mask & !certain;
+        if open == 0 {
+            return certain;
+        }
+        certain | self.settled(simd, &seen, open, t_max).map_or(0, |met| met.mask)
+    }
+
+    /// What f32 has to say.
+    #[inline(always)]
+    fn see<S: Simd>(
+        &self,
+        simd: S,
+        corners: &[[f32; 3]; 3],
+        mask: u32,
+        t_max: &Lanes,
+    ) -> Option<Seen<S>> {
         // Move to the origin and shear.
         let a = self.sheared(simd, &corners[0]);
         let b = self.sheared(simd, &corners[1]);
@@ -63,31 +116,61 @@ impl Bundle<'_> {
         let u = c[0].mul(b[1]).sub(c[1].mul(b[0]));
         let v = a[0].mul(c[1]).sub(a[1].mul(c[0]));
         let w = b[0].mul(a[1]).sub(b[1].mul(a[0]));
-        let mixed = (u.lt(zero) | v.lt(zero) | w.lt(zero)) & (zero.lt(u) | zero.lt(v) | zero.lt(w));
-        let mask = mask & !mixed;
+        let [up, vp, wp] = [zero.lt(u), zero.lt(v), zero.lt(w)];
+        let [un, vn, wn] = [u.lt(zero), v.lt(zero), w.lt(zero)];
+        let mask = mask & !((un | vn | wn) & (up | vp | wp));
         if mask == 0 {
             return None;
         }
 
-        // Exact signs, weights and `t` of what is left, four rays at a time.
+        // `t` is clamped to where each ray is in the triangle's own box.
+        let (entry, exit) = self.inside(simd, &around(corners));
+        let (t_min, t_max) = (S::F16::load(simd, self.t_min), S::F16::load(simd, t_max));
+        let mask = mask & entry.max(t_min).le(exit.min(t_max));
+        if mask == 0 {
+            return None;
+        }
+        let certain = (un & vn & wn) | (up & vp & wp);
+        Some(Seen { mask, certain, a, b, c, entry, exit })
+    }
+
+    /// Exact signs, weights and `t` of the rays in `mask`, four rays at a time.
+    #[inline(always)]
+    fn settled<S: Simd>(
+        &self,
+        simd: S,
+        seen: &Seen<S>,
+        mask: u32,
+        t_max: &Lanes,
+    ) -> Option<Meetings> {
         let mut met = Meetings { mask: 0, t: [0.0; RAYS], u: [0.0; RAYS], v: [0.0; RAYS] };
-        let (a, b, c) = (lanes::<S>(a), lanes::<S>(b), lanes::<S>(c));
+        let (a, b, c) = (lanes::<S>(seen.a), lanes::<S>(seen.b), lanes::<S>(seen.c));
         for first in (0..RAYS).step_by(QUAD) {
             if mask >> first & 0xF != 0 {
                 self.settle(simd, &a, &b, &c, first, &mut met);
             }
         }
         met.mask &= mask;
-        if met.mask != 0 {
-            self.admit(simd, &Aabb::of_points(corners), t_max, &mut met);
+        if met.mask == 0 {
+            return None;
         }
+
+        // The culling lemma: `t` lies where the triangle's own box is.
+        let splat = |x: f32| S::F16::splat(simd, x);
+        let t = S::F16::load(simd, &met.t);
+        let finite = t.lt(splat(f32::INFINITY)) & splat(f32::NEG_INFINITY).lt(t);
+        let t = seen.exit.min(seen.entry.max(t));
+        let wanted = S::F16::load(simd, self.t_min).le(t) & t.le(S::F16::load(simd, t_max));
+        met.mask &= seen.entry.le(seen.exit) & finite & wanted;
+        met.t = t.lanes();
         Some(met)
     }
 
     /// A corner, moved to each ray's origin and sheared.
     #[inline(always)]
     fn sheared<S: Simd>(&self, simd: S, corner: &[f32; 3]) -> [S::F16; 3] {
-        let [x, y, z] = self.axes.map(|axis| usize::from(axis.min(2)));
+        let [x, y, z] = self.axes;
+        let [x, y, z] = [usize::from(x.min(2)), usize::from(y.min(2)), usize::from(z.min(2))];
         let splat = |axis: usize| S::F16::splat(simd, corner[axis]);
         let load = |lanes: &Lanes| S::F16::load(simd, lanes);
         let depth = splat(z).sub(load(self.origin[2]));
@@ -157,19 +240,20 @@ impl Bundle<'_> {
         }
         (entry, exit)
     }
+}
 
-    /// The culling lemma: `t` is clamped to where each ray is in the triangle's own box.
-    #[inline(always)]
-    fn admit<S: Simd>(&self, simd: S, bounds: &Aabb, t_max: &Lanes, met: &mut Meetings) {
-        let splat = |x: f32| S::F16::splat(simd, x);
-        let (entry, exit) = self.inside(simd, bounds);
-        let t = S::F16::load(simd, &met.t);
-        let finite = t.lt(splat(f32::INFINITY)) & splat(f32::NEG_INFINITY).lt(t);
-        let t = exit.min(entry.max(t));
-        let wanted = S::F16::load(simd, self.t_min).le(t) & t.le(S::F16::load(simd, t_max));
-        met.mask &= entry.le(exit) & finite & wanted;
-        met.t = t.lanes();
+/// [`Aabb::of_points`] without a closure that might end up outside of the kernel.
+#[inline(always)]
+fn around([a, b, c]: &[[f32; 3]; 3]) -> Aabb {
+    let mut bounds = Aabb { lo: *a, hi: *a };
+    for axis in 0..3 {
+        for corner in [b[axis], c[axis]] {
+            let (lo, hi) = (bounds.lo[axis], bounds.hi[axis]);
+            bounds.lo[axis] = if corner < lo { corner } else { lo };
+            bounds.hi[axis] = if corner > hi { corner } else { hi };
+        }
     }
+    bounds
 }
 
 /// Vectors as they are stored.

@@ -92,6 +92,19 @@ impl Ordinary {
     }
 }
 
+impl Ordinary {
+    /// Whether a ray from `origin` allows it whose direction along its longest axis is `along`.
+    #[inline(always)]
+    pub(crate) fn ray(origin: [f32; 3], along: f32) -> bool {
+        let [x, y, z] = [origin[0].abs(), origin[1].abs(), origin[2].abs()];
+        (x <= Self::COORDINATE_MAX)
+            & (y <= Self::COORDINATE_MAX)
+            & (z <= Self::COORDINATE_MAX)
+            & (Self::LENGTH_MIN <= along.abs())
+            & (along.abs() <= Self::LENGTH_MAX)
+    }
+}
+
 /// An exact power.
 const fn power_of_two(exponent: i32) -> f32 {
     f32::from_bits(((127 + exponent) as u32) << 23)

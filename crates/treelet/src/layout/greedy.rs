@@ -261,6 +261,8 @@ mod tests {
     use crate::bounds::Aabb;
     use crate::build::{Builder, Hploc};
     use crate::context::Context;
+    use crate::layout::packing::Packing;
+    use crate::layout::wide::Plain;
 
     /// What is to fill the slots of one wide node, by the definition; in any order.
     fn naive(tree: &Tree, leaves: &[usize], root: usize, width: usize) -> Vec<usize> {
@@ -304,7 +306,7 @@ mod tests {
             ChildKind::Inner { node } => &wide.nodes[node],
             ChildKind::Leaf { first, count } => {
                 // Ids are the last row of a block.
-                let ids = &wide.block(first)[9 * count..10 * count];
+                let ids = &<Plain as Packing<W>>::leaf(&wide.words, first)[9 * count..10 * count];
                 let Kind::Leaf { first, count } = tree.nodes[root].kind() else { panic!() };
                 let prims = &tree.prims[first..first + count];
                 assert!(ids.iter().zip(prims).all(|(id, prim)| id.to_bits() == *prim));
@@ -321,7 +323,7 @@ mod tests {
         let mut before = 0.0;
         let mut entries = 0;
         for slot in 0..used {
-            let bounds = node.bounds(slot);
+            let bounds = <Plain as Packing<W>>::bounds(node, slot);
             let found = expected.iter().position(|(other, _)| *other == bits(&bounds));
             let (_, part) = expected.swap_remove(found.expect("a box of the definition"));
             assert!(bounds.half_area() >= 0.999 * before, "ascending areas");

@@ -1,10 +1,10 @@
 //! Lowering: a binary tree becomes wide nodes, its triangles blocks of words.
 //!
 //! The tree is cut below its top into many subtrees. Each is planned by itself, then the top over
-//! them ([`super::collapse`]); then it is known what fills the slots of every wide node
-//! ([`super::select`]), and so how many there are; then each subtree is written by itself, straight
-//! to where it stays ([`super::write`]). What is written depends on the tree alone, not on the number
-//! of threads.
+//! them ([`super::collapse`]; quick levels choose by [`super::greedy`]); then it is known what fills
+//! the slots of every wide node ([`super::select`]), and so how many there are; then each subtree is
+//! written by itself, straight to where it stays ([`super::write`]). What is written depends on the
+//! tree alone, not on the number of threads.
 //!
 //! Cost: O(n) time; beyond the result about 26 bytes an inner node of the tree for the plans, then
 //! `4 W + 12` bytes a wide node.

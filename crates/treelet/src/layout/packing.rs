@@ -37,15 +37,6 @@ pub(crate) trait Packing<const W: usize>: Copy + Debug + Send + Sync + 'static {
     /// The box of a child, the same planes.
     fn bounds(node: &Self::Node, slot: usize) -> Aabb;
 
-    /// Asks for a node's cache lines.
-    #[inline(always)]
-    fn prefetch<S: Simd>(simd: S, node: &Self::Node) {
-        let start = core::ptr::from_ref(node).cast::<[u8; CACHE_LINE]>();
-        for line in 0..size_of::<Self::Node>().div_ceil(CACHE_LINE) {
-            simd.prefetch(start.wrapping_add(line));
-        }
-    }
-
     /// The leaf that begins at `first`.
     fn leaf(leaves: &[Self::Unit], first: usize) -> &Self::Leaf;
 
@@ -71,4 +62,13 @@ pub(crate) trait Packing<const W: usize>: Copy + Debug + Send + Sync + 'static {
         count: usize,
         room: &'b mut Block,
     ) -> (&'b Block, usize);
+}
+
+/// Asks for the cache lines of a node or a leaf.
+#[inline(always)]
+pub(crate) fn fetch<S: Simd, T>(simd: S, item: &T) {
+    let start = core::ptr::from_ref(item).cast::<[u8; CACHE_LINE]>();
+    for line in 0..size_of::<T>().div_ceil(CACHE_LINE) {
+        simd.prefetch(start.wrapping_add(line));
+    }
 }

@@ -36,6 +36,7 @@ macro_rules! catalogue {
 
 catalogue! {
     reinsertion::Reinsertion,
+    top_reinsertion::TopReinsertion,
 }
 
 /// The optimiser of that name, with its default options.

@@ -7,7 +7,7 @@ use crate::trace::Counters;
 use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
-use core::ops::ControlFlow;
+use core::ops::{ControlFlow, Range};
 
 pub(crate) struct Any {
     t_max: f32,
@@ -78,5 +78,25 @@ impl<'a> Answers<'a> for Many<'_> {
             return f32::NEG_INFINITY;
         }
         visitor.t_max
+    }
+
+    #[inline(always)]
+    fn keep(&mut self, slot: usize, _: Found<'a>) {
+        self.answers[slot] = true;
+    }
+
+    #[inline(always)]
+    fn put(&mut self, slot: usize, found: Option<Found<'a>>) {
+        self.answers[slot] = found.is_some();
+    }
+
+    #[inline(always)]
+    fn clear(&mut self, slots: Range<usize>) {
+        self.answers[slots].fill(false);
+    }
+
+    #[inline(always)]
+    fn best(_: &Any) -> Option<Found<'a>> {
+        None
     }
 }

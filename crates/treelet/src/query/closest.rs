@@ -8,7 +8,7 @@ use crate::trace::pending::ByEntry;
 use crate::trace::stream::Answers;
 use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
-use core::ops::ControlFlow;
+use core::ops::{ControlFlow, Range};
 
 /// The answer so far: a miss at the ray's end.
 pub(crate) struct Closest<'a> {
@@ -88,6 +88,30 @@ impl<'a> Answers<'a> for Many<'_> {
             }
         }
         visitor.t
+    }
+
+    #[inline(always)]
+    fn keep(&mut self, slot: usize, found: Found<'a>) {
+        let hit = Hit::from(found);
+        let kept = &mut self.hits[slot];
+        if hit.t < kept.t || (hit.t == kept.t && hit.id() < kept.id()) {
+            *kept = hit;
+        }
+    }
+
+    #[inline(always)]
+    fn put(&mut self, slot: usize, found: Option<Found<'a>>) {
+        self.hits[slot] = found.map_or(Hit::MISS, Hit::from);
+    }
+
+    #[inline(always)]
+    fn clear(&mut self, slots: Range<usize>) {
+        self.hits[slots].fill(Hit::MISS);
+    }
+
+    #[inline(always)]
+    fn best(visitor: &Closest<'a>) -> Option<Found<'a>> {
+        visitor.best
     }
 }
 

@@ -129,6 +129,7 @@ fn finish(
         cover: cover(tree),
         ordinary: Ordinary::level(&reach),
         reach,
+        diagonal: tree.bounds().diagonal() as f32,
         reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
         slack,
         paths,

@@ -3,6 +3,8 @@
 pub mod counters;
 mod descent;
 mod instance;
+mod leaf;
+pub(crate) mod packet;
 pub(crate) mod pending;
 pub(crate) mod prepared;
 pub(crate) mod record;

@@ -1,4 +1,4 @@
-//! Rays of a stream: what a walk needs of each in one cache line, made for 16 of them at once.
+//! Rays of a stream or a packet: what a walk needs of each in one cache line, made for 16 of them at once.
 //!
 //! The same steps as [`SlabRay::new`], [`TriangleRay::new`] and `Slack::at`, a ray a lane, and the
 //! same bits. Rays of a class share the signs of their directions and their longest axis, so that no
@@ -8,7 +8,8 @@ use super::prepared::Prepared;
 use super::slack::Slack;
 use super::structure::Structure;
 use crate::bounds::{Aabb, Interval, SlabRay, slab};
-use crate::geometry::triangle::{NEXT, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
+use crate::geometry::bundle::Bundle;
+use crate::geometry::triangle::{Ordinary, NEXT, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
 use crate::math::Ray;
 use crate::simd::{Floats, Scalar, Simd};
 
@@ -86,7 +87,14 @@ pub(crate) struct Rest {
 
 /// The ray as single walks want it.
 #[inline(always)]
-pub(crate) fn prepared(record: &Record, rest: &Rest, class: Class, ray: &Ray) -> Prepared {
+pub(crate) fn prepared(
+    record: &Record,
+    rest: &Rest,
+    class: Class,
+    ray: &Ray,
+    structure: &Structure,
+) -> Prepared {
+    let ordinary = structure.ordinary & Ordinary::ray(ray.origin, rest.along);
     let shear = [record.0[SHEAR], record.0[SHEAR + 1]];
     Prepared {
         origin: ray.origin,
@@ -97,8 +105,28 @@ pub(crate) fn prepared(record: &Record, rest: &Rest, class: Class, ray: &Ray) ->
             record.triple(RECIPROCAL),
             class.backward(),
         ),
-        triangle: TriangleRay::of_parts(class.axes(), record.triple(ORIGIN), shear, rest.along),
+        triangle: TriangleRay::of_parts(class.axes(), record.triple(ORIGIN), shear, rest.along)
+            .ordinary(ordinary),
         clip: Interval::ALL,
+    }
+}
+
+/// The words of 16 records, a ray a lane.
+pub(crate) type Columns = [[f32; RAYS]; 16];
+
+/// The rays of columns as a bundle; `along` as [`Rest`] has it.
+#[inline(always)]
+pub(crate) fn bundle<'a>(class: Class, c: &'a Columns, along: &'a [f32; RAYS]) -> Bundle<'a> {
+    Bundle {
+        axes: class.axes(),
+        backward: class.backward(),
+        origin: [&c[ORIGIN], &c[ORIGIN + 1], &c[ORIGIN + 2]],
+        shear: [&c[SHEAR], &c[SHEAR + 1]],
+        along,
+        near: [&c[NEAR], &c[NEAR + 1], &c[NEAR + 2]],
+        far: [&c[FAR], &c[FAR + 1], &c[FAR + 2]],
+        reciprocal: [&c[RECIPROCAL], &c[RECIPROCAL + 1], &c[RECIPROCAL + 2]],
+        t_min: &c[T_MIN],
     }
 }
 
@@ -112,6 +140,25 @@ pub(crate) fn records<S: Simd>(
     slots: &[u32],
     out: &mut [Record; RAYS],
 ) {
+    let mut words = [[0.0; RAYS]; 16];
+    columns(simd, structure, class, rays, slots, &mut words);
+    let mut rows = [[0.0; 16]; RAYS];
+    transpose(simd, &words, &mut rows);
+    for lane in 0..RAYS {
+        out[lane].0 = rows[lane];
+    }
+}
+
+/// The same as columns; returns the directions along the longest axis.
+#[inline(always)]
+pub(crate) fn columns<S: Simd>(
+    simd: S,
+    structure: &Structure,
+    class: Class,
+    rays: &[Ray],
+    slots: &[u32],
+    words: &mut Columns,
+) -> [f32; RAYS] {
     let mut rows = [[0.0; 16]; RAYS];
     for lane in 0..RAYS {
         let Ray { origin, direction, t_min, t_max, .. } =
@@ -136,7 +183,6 @@ pub(crate) fn records<S: Simd>(
     };
 
     // Prepare for boxes.
-    let mut words = [[0.0; 16]; 16];
     let backward = class.backward();
     for axis in 0..3 {
         let ulp = abs(simd, origin[axis]).mul(splat(slab::WIDER * f32::EPSILON));
@@ -160,11 +206,7 @@ pub(crate) fn records<S: Simd>(
     let reciprocal = splat(1.0).div(direction[z]);
     words[SHEAR] = direction[x].mul(reciprocal).lanes();
     words[SHEAR + 1] = direction[y].mul(reciprocal).lanes();
-
-    transpose(simd, &words, &mut columns);
-    for lane in 0..RAYS {
-        out[lane].0 = columns[lane];
-    }
+    direction[z].lanes()
 }
 
 /// Rows to columns.

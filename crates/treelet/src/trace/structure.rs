@@ -92,6 +92,8 @@ pub(crate) struct Structure {
     pub(crate) layout: Layout,
     /// Around everything.
     pub(crate) bounds: Aabb,
+    /// The length of its diagonal.
+    pub(crate) diagonal: f32,
     /// Indices of instances, in the order of the leaves.
     pub(crate) leaf_instances: Vec<u32>,
     /// A few boxes that together contain everything: tighter than one when they are transformed.

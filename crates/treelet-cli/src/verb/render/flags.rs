@@ -19,7 +19,7 @@ const LONGEST: f64 = 1e9;
 /// Render a picture of a scene, or of the built-in one
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// A scene file: glTF, OBJ, PLY or STL, also as .gz or .zst [default: the built-in scene].
+    /// A scene file: glTF, OBJ, PLY, STL, OFF or pbrt, also as .gz or .zst [default: the built-in scene].
     pub(super) scene: Option<PathBuf>,
 
     /// The picture to write: .png, or with all its light .hdr, or with layers too .exr.

@@ -148,6 +148,7 @@ mod tests {
     use crate::build::{BinnedSah, Builder};
     use crate::context::{Cancel, Context};
     use crate::geometry::mesh::COORDINATE_MAX;
+    use crate::layout::Collapse;
     use crate::layout::compact::Random;
     use crate::layout::lower::{Packed, lower};
     use crate::layout::packing::{Block, Packing};
@@ -183,7 +184,8 @@ mod tests {
                     }
                 };
                 let cancel = Cancel::default();
-                let wide = lower::<WIDTH>(&tree, &bounds, count, &source, &cancel).unwrap().wide;
+                let wide = lower::<WIDTH>(&tree, count as u32, &source, Collapse::Optimal, &cancel);
+                let wide = wide.unwrap().wide;
                 let compact = pack(&wide, &cancel).unwrap();
                 let leaves = |child: Child, packed: Child| match (child.kind(), packed.kind()) {
                     _ if child == Child::END => assert_eq!(packed, Child::END),
