@@ -203,11 +203,6 @@ fn guess_up(scene: Option<&PathBuf>, model: &Model) -> Up {
         _ => {}
     }
     let Some(file) = scene else { return Up::Y };
-    match model.up {
-        Some(1) => return Up::Y,
-        Some(2) => return Up::Z,
-        _ => {}
-    }
     let name = file.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let inner = name.trim_end_matches(".gz").trim_end_matches(".zst");
     let format = inner.rsplit('.').next().unwrap_or_default();

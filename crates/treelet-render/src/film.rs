@@ -128,34 +128,35 @@ impl Film {
         (squares.sum::<f64>() / self.sums.len() as f64).sqrt()
     }
 
-    /// Which tiles are noisier than `limit`, row by row: tiles with too few samples are. A tile is
-    /// as noisy as it and its neighbours are on average, so that no lucky one is left behind.
+    /// Which tiles are to be sampled on, row by row: those noisier than `limit` or with too few
+    /// samples, and their neighbours, so that one that is clean by luck next to noise is not left
+    /// behind. Once there is none, every tile is below the limit, and so is the picture.
+    ///
+    /// Means of the noise around a tile were tried: a clean tile between noisy ones that had been
+    /// left was sampled for ever.
     pub(crate) fn noisy_tiles(&self, limit: f32) -> Vec<bool> {
         let (columns, rows) = (self.width.div_ceil(TILE), self.height.div_ceil(TILE));
         let mut sums = vec![[0.0_f64; 2]; (columns * rows) as usize];
-        let mut few = vec![false; sums.len()];
+        let mut noisy = vec![false; sums.len()];
         for index in 0..self.sums.len() {
             let (x, y) = (index as u32 % self.width, index as u32 / self.width);
             let tile = (y / TILE * columns + x / TILE) as usize;
             sums[tile][0] += f64::from(self.error_sq(index));
             sums[tile][1] += 1.0;
-            few[tile] |= self.counts[index] < SAMPLES_LEAST;
+            noisy[tile] |= self.counts[index] < SAMPLES_LEAST;
         }
-        (0..columns * rows)
-            .map(|tile| {
-                let (column, row) = (tile % columns, tile / columns);
-                let mut around = [0.0; 2];
-                for y in row.saturating_sub(1)..=(row + 1).min(rows - 1) {
-                    for x in column.saturating_sub(1)..=(column + 1).min(columns - 1) {
-                        let tile = sums[(y * columns + x) as usize];
-                        around = [around[0] + tile[0], around[1] + tile[1]];
-                    }
-                }
-                let noise = (around[0] / around[1]).sqrt();
-                // NaN is noise, too.
-                few[tile as usize] || noise > f64::from(limit) || noise.is_nan()
-            })
-            .collect()
+        for (noisy, [sum, pixels]) in noisy.iter_mut().zip(sums) {
+            let noise = (sum / pixels).sqrt();
+            // NaN is noise, too.
+            *noisy |= noise > f64::from(limit) || noise.is_nan();
+        }
+        let around = |tile: u32| {
+            let (column, row) = (tile % columns, tile / columns);
+            let across = column.saturating_sub(1)..=(column + 1).min(columns - 1);
+            let mut down = row.saturating_sub(1)..=(row + 1).min(rows - 1);
+            down.any(|y| across.clone().any(|x| noisy[(y * columns + x) as usize]))
+        };
+        (0..columns * rows).map(around).collect()
     }
 
     /// The squared relative standard error of a pixel.

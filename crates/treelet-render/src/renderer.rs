@@ -91,8 +91,7 @@ impl<'a> Renderer<'a> {
     /// [`Film::noise`] measures it; `None` if there is none, and the film is as it was.
     ///
     /// Which tiles are left follows from the film alone, so this too is the same for any number of
-    /// threads. A tile that is left too early by luck is left for good: with the least of 16
-    /// samples a tile and its neighbours' noise counted in, that is rare and slight.
+    /// threads. A tile is left while it and its neighbours are clean, after 16 samples at least.
     ///
     /// # Errors
     /// Those of [`Renderer::pass`].

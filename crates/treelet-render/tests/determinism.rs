@@ -87,7 +87,7 @@ fn builders_and_threads_leave_no_trace() {
     let mut model = box_scene();
     model.materials[4].alpha = treelet_model::AlphaMode::Blend;
     model.materials[4].opacity = 0.6;
-    let settings = Settings { width: 96, height: 64, ..SIZE };
+    let settings = Settings { width: 256, height: 32, ..SIZE };
     let mut films = Vec::new();
     for &builder in treelet::build::ALL {
         let options = treelet::BuildOptions { builder: Some(builder), ..Default::default() };
@@ -107,8 +107,8 @@ fn builders_and_threads_leave_no_trace() {
             }
         });
         let samples = film.samples();
-        assert!(samples < 20 * 96 * 64, "some tiles are left: {samples}");
-        assert!(samples > 16 * 96 * 64, "and some are not: {samples}");
+        assert!(samples < 20 * 256 * 32, "some tiles are left: {samples}");
+        assert!(samples > 16 * 256 * 32, "and some are not: {samples}");
         films.push((builder.info().name, bits(&film)));
     }
     for (name, film) in &films {
