@@ -31,5 +31,6 @@ pub(crate) fn run(flags: Flags, _: &Session) -> Result<Outcome, Failure> {
     clap_complete::generate(flags.shell, &mut command, "treelet", &mut bytes);
     let text = String::from_utf8_lossy(&bytes).into_owned();
     let plain = text.trim_end().to_owned();
-    Outcome::new("completions", &Report { shell: flags.shell.to_string(), text }, Ending::Done).map(|outcome| outcome.with_text(plain))
+    Outcome::new("completions", &Report { shell: flags.shell.to_string(), text }, Ending::Done)
+        .map(|outcome| outcome.with_text(plain))
 }

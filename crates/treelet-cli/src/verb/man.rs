@@ -34,7 +34,8 @@ pub(crate) fn run(flags: Flags, _: &Session) -> Result<Outcome, Failure> {
     Man::new(command).title(page.clone()).render(&mut bytes)?;
     let text = String::from_utf8_lossy(&bytes).into_owned();
     let plain = text.trim_end().to_owned();
-    Outcome::new("man", &Report { page, text }, Ending::Done).map(|outcome| outcome.with_text(plain))
+    Outcome::new("man", &Report { page, text }, Ending::Done)
+        .map(|outcome| outcome.with_text(plain))
 }
 
 fn of_verb(command: &Command, verb: &str) -> Result<Command, Failure> {

@@ -389,7 +389,8 @@ impl Build<'_> {
         // Nothing tells them apart, or the tree is too deep: cut in the middle.
         let right = count - count / 2;
         let (b, a) = refs[begin..].split_at(right);
-        let sides = Sides { left: self.extent_of(a)?, right: self.extent_of(b)?, made: 0, clips: 0 };
+        let sides =
+            Sides { left: self.extent_of(a)?, right: self.extent_of(b)?, made: 0, clips: 0 };
         Ok(Some((sides, right)))
     }
 
@@ -401,7 +402,6 @@ impl Build<'_> {
         }
         Ok(extent)
     }
-
 }
 
 /// Makes the range's node an inner one; returns the ranges of its children, left and right.
@@ -441,4 +441,3 @@ fn gather(bounds: &[Aabb], stage: &Stage<'_>) -> Result<(Vec<Ref>, Extent), Buil
     }
     Ok((refs, extent))
 }
-

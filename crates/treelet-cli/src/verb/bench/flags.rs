@@ -180,4 +180,3 @@ pub(super) fn engines(flags: &Flags) -> (Vec<Box<dyn Engine>>, Vec<Missing>) {
     }
     (engines, missing)
 }
-

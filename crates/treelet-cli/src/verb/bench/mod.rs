@@ -98,4 +98,3 @@ fn machine(flags: &Flags, plan: &Plan) -> Machine {
         seconds: plan.rounds.seconds,
     }
 }
-

@@ -42,4 +42,3 @@ pub(super) fn forbid() {
         warn("huge pages cannot be forbidden here; engines that ask for them may get them");
     }
 }
-

@@ -91,4 +91,3 @@ fn elsewhere(
     };
     Ok(Some(bytes / build.triangles as f64 + build.shared_bytes_per_tri))
 }
-

@@ -37,4 +37,3 @@ impl Watcher for Steps {
         self.cancel.is_cancelled()
     }
 }
-

@@ -24,10 +24,8 @@ struct Listed {
 
 /// Tells the scene's cameras.
 pub(super) fn list(input: Input) -> Result<Outcome, Failure> {
-    let listed = |camera: &Camera| Listed {
-        name: camera.name.clone(),
-        camera: camera::words(camera),
-    };
+    let listed =
+        |camera: &Camera| Listed { name: camera.name.clone(), camera: camera::words(camera) };
     let cameras: Vec<Listed> = input.model.cameras.iter().map(listed).collect();
     if cameras.is_empty() {
         say("the scene has no cameras; without --camera, all of it is seen");
@@ -57,8 +55,7 @@ pub(super) fn choose(
             let named = cameras.iter().find(|camera| camera.name == *name);
             let found = named.or_else(|| cameras.get(number?));
             found.cloned().ok_or_else(|| {
-                let known: Vec<&str> =
-                    cameras.iter().map(|camera| camera.name.as_str()).collect();
+                let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
                 let known = if known.is_empty() { "none".into() } else { known.join(", ") };
                 Failure::Usage(format!(
                     "--camera {name}: the scene has no such camera, but {known}; or say where it \

@@ -56,9 +56,8 @@ impl<'a> Picture<'a> {
     ) -> Result<(), Failure> {
         let (width, height) = (film.width(), film.height());
         let bytes = match self.format {
-            Format::Png => {
-                treelet_render::Image::of_radiance(width, height, means, &self.tone)?.encode_png()?
-            }
+            Format::Png => treelet_render::Image::of_radiance(width, height, means, &self.tone)?
+                .encode_png()?,
             Format::Exr => encode_exr(width, height, means, layers)?,
             Format::Hdr => encode_hdr(width, height, means)?,
         };

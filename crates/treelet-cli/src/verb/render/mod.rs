@@ -189,8 +189,7 @@ impl Job<'_> {
         }
         if let Some(protocol) = self.flags.show {
             let (width, height) = (film.width(), film.height());
-            let image =
-                treelet_render::Image::of_radiance(width, height, &means, picture.tone())?;
+            let image = treelet_render::Image::of_radiance(width, height, &means, picture.tone())?;
             crate::show::draw(&image, protocol)?;
         }
         Ok(Done { film, made, frames: Vec::new() })

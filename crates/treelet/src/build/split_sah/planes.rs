@@ -163,8 +163,12 @@ impl Build<'_> {
         };
         let bins = self.fill(refs, drop_in)?;
         let best = cheapest(&grid, &bins, usize::MAX);
-        let plane = best.map(|Candidate { axis, bin, cost, bounds, counts }| {
-            SpatialPlane { axis, at: grid.plane(bin, axis), cost, bounds, counts }
+        let plane = best.map(|Candidate { axis, bin, cost, bounds, counts }| SpatialPlane {
+            axis,
+            at: grid.plane(bin, axis),
+            cost,
+            bounds,
+            counts,
         });
         Ok((plane, pieces(&bins)))
     }
