@@ -45,13 +45,10 @@ pub(crate) fn is_compact(variant: &str) -> bool {
     build == default_variant() && layout.starts_with(COMPACT)
 }
 
-/// The default build in the small layout whose nodes are as wide as those of the default layout.
+/// The default build in the small layout.
 fn compact_variant() -> Option<String> {
-    let usual = LayoutChoice::best_for(Level::best());
-    let (usual, _) = layouts().find(|(_, layout)| *layout == usual)?;
-    let width = usual.trim_start_matches(|c: char| !c.is_ascii_digit());
     let variant = |(layout, _): (&str, LayoutChoice)| format!("{} {layout}", default_variant());
-    layouts().map(variant).find(|variant| is_compact(variant) && variant.ends_with(width))
+    layouts().map(variant).find(|variant| is_compact(variant))
 }
 
 impl Engine for Treelet {
