@@ -4,6 +4,10 @@
 //! Exact signs, weights and `t` are computed in f64, of all lanes: a division in four lanes takes as
 //! long as one. Where vectors hold fewer than four f64, f32 edge functions come first, and reject
 //! most leaves that the ray misses.
+//!
+//! `t` is clamped only where that is not known to change nothing (`Ordinary` in [`super::triangle`]): that is
+//! worth 3 to 10 % of a ray. What exactness costs: a test in f32 throughout, without the clamp, made rays 7
+//! to 9 % faster in a house, 4 to 23 % in a car, 15 to 25 % in a coffee maker.
 
 use super::triangle::TriangleRay;
 use crate::bounds::{Interval, SlabRay};

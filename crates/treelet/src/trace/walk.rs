@@ -5,6 +5,10 @@
 //! tested (`geometry::triangle`, the culling lemma), and visitors settle ties by id. So the walk of
 //! each instruction set may order children as is cheapest there.
 //!
+//! What was tried here: the block test inside the loop where there are 32 vector registers, and planes
+//! addressed without arithmetic, each 1 to 2 %; not worth the code. Visits wait for each other, not for
+//! instructions.
+//!
 //! Sources: I. Wald, C. Benthin, S. Boulos, "Getting Rid of Packets: Efficient SIMD Single-Ray
 //! Traversal using Multi-branching BVHs", RT 2008 (one ray against all children of a node); V.
 //! Fuetterling et al., "Accelerated Single Ray Tracing for Wide Vector Units", HPG 2017 (hits moved

@@ -47,7 +47,7 @@
 //! before there is a node. Rays there visit many leaves in vain: 0.60 to 0.70.
 //!
 //! That is three instructions a vector of planes more than the wide layouts, and about 90 a leaf.
-//! Leaves hold at most 2 GiB a tree. Lowering goes through the wide layout ([`pack`]).
+//! Leaves hold at most 2 GiB a tree. Lowering goes through the wide layout (`pack.rs`).
 //!
 //! # What was tried
 //!
