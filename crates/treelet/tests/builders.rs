@@ -277,6 +277,9 @@ fn large_mesh() -> (Arc<Vec<[f32; 3]>>, Mesh) {
 /// one it is some 10 ms; a build that did not listen would take a second or more.
 const LATE: Duration = Duration::from_millis(200);
 
+/// How often a build that stopped too late is tried again.
+const ATTEMPTS: usize = 4;
+
 #[test]
 fn a_build_stops_soon_after_it_is_told_to() {
     let (positions, mesh) = large_mesh();
@@ -286,35 +289,42 @@ fn a_build_stops_soon_after_it_is_told_to() {
         let (mut stopped, mut worst) = (0, Duration::ZERO);
         for latest_ms in [30.0, 200.0, 600.0, 1500.0] {
             let moment = Duration::from_secs_f32(random.unit() * latest_ms / 1000.0);
-            let cancel = Cancel::new();
-            let context = Context { cancel: cancel.clone(), progress: None };
-            let options =
-                BuildOptions { builder: Some(builder), context, ..BuildOptions::default() };
-            let (asked, answer) = std::thread::scope(|scope| {
-                let other = scope.spawn(|| {
-                    std::thread::sleep(moment);
-                    let asked = Instant::now();
-                    cancel.cancel();
-                    asked
-                });
-                let answer = Scene::builder().mesh(mesh.clone()).build(&options);
-                let late = Instant::now();
-                (other.join().unwrap(), (answer, late))
-            });
-            let (answer, end) = answer;
+            // Whatever else runs on the machine only makes it longer.
+            let late = (0..ATTEMPTS)
+                .map(|_| stopped_after(builder, &mesh, moment))
+                .find(|late| late.is_none_or(|late| late < LATE));
             // A build may be done before it is told.
-            if let Err(error) = answer.map(drop) {
-                assert!(error.is_cancelled(), "{name}: {error}");
-                stopped += 1;
-                worst = worst.max(end.saturating_duration_since(asked));
-            }
+            let late = late.unwrap_or(Some(LATE));
+            stopped += usize::from(late.is_some());
+            worst = worst.max(late.unwrap_or_default());
             // Who is told to stop lets go of everything.
             assert_eq!(Arc::strong_count(&positions), 2, "{name}: somebody keeps the mesh");
         }
         eprintln!("{name}: {stopped} stopped, after {worst:?} at most");
         assert!(stopped > 0, "{name}: no build was stopped");
-        assert!(worst < LATE, "{name}, seed {SEED:#x}: stopped after {worst:?}");
+        assert!(worst < LATE, "{name}, seed {SEED:#x}: stopped after {worst:?} or more");
     }
+}
+
+/// How long a build goes on that is told to stop after `moment`; `None` if it was done before.
+fn stopped_after(builder: &dyn Builder, mesh: &Mesh, moment: Duration) -> Option<Duration> {
+    let cancel = Cancel::new();
+    let context = Context { cancel: cancel.clone(), progress: None };
+    let options = BuildOptions { builder: Some(builder), context, ..BuildOptions::default() };
+    let (asked, (answer, end)) = std::thread::scope(|scope| {
+        let other = scope.spawn(|| {
+            std::thread::sleep(moment);
+            let asked = Instant::now();
+            cancel.cancel();
+            asked
+        });
+        let answer = Scene::builder().mesh(mesh.clone()).build(&options);
+        let end = Instant::now();
+        (other.join().unwrap(), (answer, end))
+    });
+    let error = answer.map(drop).err()?;
+    assert!(error.is_cancelled(), "{}: {error}", builder.info().name);
+    Some(end.saturating_duration_since(asked))
 }
 
 #[test]
