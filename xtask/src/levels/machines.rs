@@ -66,7 +66,7 @@ pub(super) const MACHINES: &[Machine] = &[
         tests: &[
             Tests { target: &["--lib"], filter: &["simd::"], share: "1" },
             Tests { target: &["--test=matrix"], filter: &["every_level"], share: "1" },
-            Tests { target: &["--test=slices"], filter: &["--skip=long_slices"], share: "5" },
+            Tests { target: &["--test=slices"], filter: &["--skip=long_slices"], share: "20" },
             Tests { target: &["--test=lemma"], filter: &[], share: "10" },
             // With other builders the instructions are the same.
             Tests {
