@@ -10,8 +10,9 @@ use alloc::vec::Vec;
 /// Rays that one task answers, one after the other.
 const CHUNK: usize = 1024;
 
-/// Rays that one task answers as streams.
-const PIECE: usize = 65_536;
+/// Rays that one task answers as packets and streams: so many are sorted at once anyway, and slices of a
+/// few ten thousand are to keep several threads busy.
+const PIECE: usize = 16_384;
 
 impl Scene {
     /// [`Scene::closest`] for each ray; `hits[i]` answers `rays[i]`, [`Hit::MISS`] if it meets
