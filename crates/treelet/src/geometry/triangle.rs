@@ -90,9 +90,7 @@ impl Ordinary {
         let extent = extent[0].max(extent[1]).max(extent[2]);
         extent >= Self::EXTENT_MIN && reach.max_abs() <= Self::COORDINATE_MAX
     }
-}
 
-impl Ordinary {
     /// Whether a ray from `origin` allows it whose direction along its longest axis is `along`.
     #[inline(always)]
     pub(crate) fn ray(origin: [f32; 3], along: f32) -> bool {

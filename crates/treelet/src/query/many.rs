@@ -143,14 +143,8 @@ fn together<'a, A: Answers<'a>>(
     rest.clear();
     let level = structure.level;
     match structure.layout {
-        Layout::Wide8(_) => {
-            let packing = PhantomData;
-            level.run(Packs::<Plain, A, 8> { packing, structure, rays, answers, group, rest });
-        }
-        Layout::Wide16(_) => {
-            let packing = PhantomData;
-            level.run(Packs::<Plain, A, 16> { packing, structure, rays, answers, group, rest });
-        }
+        Layout::Wide8(_) => level.run(Packs::<A, 8> { structure, rays, answers, group, rest }),
+        Layout::Wide16(_) => level.run(Packs::<A, 16> { structure, rays, answers, group, rest }),
         // Where bytes count for more than time, streams will do: a third of what packets compile to.
         Layout::Compact(_) => {
             answers.clear(0..rays.len());
@@ -248,8 +242,7 @@ impl<'a, 'b, K, A, const W: usize> Walk<'a, 'b, K, A, W> {
 }
 
 /// Walks of packets through nodes of `W` children.
-struct Packs<'a, 'b, K, A, const W: usize> {
-    packing: PhantomData<K>,
+struct Packs<'a, 'b, A, const W: usize> {
     structure: &'a Structure,
     rays: &'b [Ray],
     answers: &'b mut A,
@@ -272,17 +265,14 @@ macro_rules! widths {
             }
         }
 
-        impl<'a, K: Packing<$width>, A: Answers<'a>> Kernel for Packs<'a, '_, K, A, $width>
-        where
-            Layout: Get<K, $width>,
-        {
+        impl<'a, A: Answers<'a>> Kernel for Packs<'a, '_, A, $width> {
             type Output = ();
 
             #[inline(always)]
             fn run<S: Simd>(self, simd: S) {
-                let Self { structure, rays, answers, group, rest, .. } = self;
+                let Self { structure, rays, answers, group, rest } = self;
                 for first in (0..rays.len()).step_by(GROUP) {
-                    packet::run::<K, S, A, $width>(
+                    packet::run::<Plain, S, A, $width>(
                         simd, structure, rays, first, answers, group, rest,
                     );
                 }

@@ -1,6 +1,7 @@
 //! AVX-512 (F, VL, BW, DQ): x86-64 server processors since 2017. Vectors of 16 f32; comparisons give
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
+use super::x86::four;
 use super::{Doubles, Floats, Four, Shuffle, Simd};
 use core::arch::x86_64::*;
 
@@ -192,58 +193,7 @@ impl Floats<4> for F4 {
     }
 }
 
-impl Four for F4 {
-    #[inline(always)]
-    fn xyzz(self) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
-        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: as above.
-        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
-    }
-
-    #[inline(always)]
-    fn max_lane(self) -> Self {
-        // SAFETY: as above.
-        Self(unsafe {
-            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
-            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
-        })
-    }
-
-    #[inline(always)]
-    fn signs(self) -> u32 {
-        // SAFETY: as above.
-        unsafe { _mm_movemask_ps(self.0) as u32 }
-    }
-
-    #[inline(always)]
-    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
-        // SAFETY: as above; 16 bytes are readable twice.
-        Self(unsafe {
-            let shuffle = _mm_loadu_si128(shuffle.as_ptr().cast());
-            let addend = _mm_shuffle_epi8(_mm_loadu_si128(bytes.as_ptr().cast()), shuffle);
-            _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(self.0), addend))
-        })
-    }
-
-    #[inline(always)]
-    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
-        // SAFETY: as above.
-        unsafe {
-            let (ac, bd) = (_mm_unpacklo_ps(a.0, c.0), _mm_unpacklo_ps(b.0, d.0));
-            let (ac_z, bd_z) = (_mm_unpackhi_ps(a.0, c.0), _mm_unpackhi_ps(b.0, d.0));
-            [
-                Self(_mm_unpacklo_ps(ac, bd)),
-                Self(_mm_unpackhi_ps(ac, bd)),
-                Self(_mm_unpacklo_ps(ac_z, bd_z)),
-            ]
-        }
-    }
-}
+four! {}
 
 impl Floats<8> for F8 {
     memory! { 8 _mm256_set1_ps _mm256_loadu_ps _mm256_storeu_ps }

@@ -87,6 +87,8 @@ mod sse42;
 mod two;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
 mod wasm;
+#[cfg(target_arch = "x86_64")]
+mod x86;
 
 pub use level::Level;
 pub(crate) use level::{Checked, Kernel};
@@ -223,13 +225,19 @@ pub(crate) trait Simd: Enter {
     const WIDE_DOUBLES: bool;
 
     /// Asks for the cache line of `address`, which need not be valid.
-    fn prefetch<T>(self, address: *const T);
+    #[inline(always)]
+    fn prefetch<T>(self, address: *const T) {
+        let _ = address;
+    }
 
     /// Whether `compress` is an instruction.
-    const COMPRESSES: bool;
+    const COMPRESSES: bool = false;
 
     /// The items whose bits are set in `mask`, in order, then others.
-    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W];
+    #[inline(always)]
+    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
+        compress_by_bits(mask, items)
+    }
 
     /// The columns of 16 rows.
     #[inline(always)]

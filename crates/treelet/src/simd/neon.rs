@@ -5,7 +5,7 @@
 //! bits: lanes are masked to a bit of their own each and summed.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
+use super::{Floats, Four, Shuffle, Simd};
 use core::arch::aarch64::*;
 
 token! {
@@ -32,12 +32,6 @@ impl Simd for Neon {
     }
 
     const WIDE_DOUBLES: bool = false;
-    const COMPRESSES: bool = false;
-
-    #[inline(always)]
-    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
-        compress_by_bits(mask, items)
-    }
 }
 
 /// 4 x f32.

@@ -1,9 +1,7 @@
 //! Every processor: arrays, one lane after the other. What the other levels are held against.
 
 use super::two::Two;
-use super::{
-    Doubles, Enter, Floats, Four, Function, Kernel, NO_BYTE, Shuffle, Simd, compress_by_bits,
-};
+use super::{Doubles, Enter, Floats, Four, Function, Kernel, NO_BYTE, Shuffle, Simd};
 
 /// Needs nothing.
 #[derive(Clone, Copy)]
@@ -27,16 +25,7 @@ impl Simd for Scalar {
     type F16 = Two<Two<Lanes>>;
     type D4 = DoubleLanes;
 
-    #[inline(always)]
-    fn prefetch<T>(self, _: *const T) {}
-
     const WIDE_DOUBLES: bool = false;
-    const COMPRESSES: bool = false;
-
-    #[inline(always)]
-    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
-        compress_by_bits(mask, items)
-    }
 }
 
 /// 4 x f32.

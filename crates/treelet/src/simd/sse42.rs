@@ -1,7 +1,8 @@
 //! SSE4.2: x86-64 processors since 2009. Vectors of 4 f32 or 2 f64.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
+use super::x86::four;
+use super::{Floats, Four, Shuffle, Simd};
 use core::arch::x86_64::*;
 
 token! {
@@ -22,12 +23,6 @@ impl Simd for Sse42 {
     }
 
     const WIDE_DOUBLES: bool = false;
-    const COMPRESSES: bool = false;
-
-    #[inline(always)]
-    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
-        compress_by_bits(mask, items)
-    }
 }
 
 /// 4 x f32.
@@ -107,58 +102,7 @@ impl Floats<4> for F4 {
     }
 }
 
-impl Four for F4 {
-    #[inline(always)]
-    fn xyzz(self) -> Self {
-        // SAFETY: `self` exists, so a token did, so the processor has the instruction.
-        Self(unsafe { _mm_shuffle_ps::<0b10_10_01_00>(self.0, self.0) })
-    }
-
-    #[inline(always)]
-    fn abs(self) -> Self {
-        // SAFETY: as above.
-        Self(unsafe { _mm_andnot_ps(_mm_set1_ps(-0.0), self.0) })
-    }
-
-    #[inline(always)]
-    fn max_lane(self) -> Self {
-        // SAFETY: as above.
-        Self(unsafe {
-            let pairs = _mm_max_ps(self.0, _mm_shuffle_ps::<0b01_00_11_10>(self.0, self.0));
-            _mm_max_ps(pairs, _mm_shuffle_ps::<0b10_11_00_01>(pairs, pairs))
-        })
-    }
-
-    #[inline(always)]
-    fn signs(self) -> u32 {
-        // SAFETY: as above.
-        unsafe { _mm_movemask_ps(self.0) as u32 }
-    }
-
-    #[inline(always)]
-    fn add_bytes(self, bytes: &[u8; 16], shuffle: &Shuffle) -> Self {
-        // SAFETY: as above; 16 bytes are readable twice.
-        Self(unsafe {
-            let shuffle = _mm_loadu_si128(shuffle.as_ptr().cast());
-            let addend = _mm_shuffle_epi8(_mm_loadu_si128(bytes.as_ptr().cast()), shuffle);
-            _mm_castsi128_ps(_mm_add_epi32(_mm_castps_si128(self.0), addend))
-        })
-    }
-
-    #[inline(always)]
-    fn columns([a, b, c, d]: [Self; 4]) -> [Self; 3] {
-        // SAFETY: as above.
-        unsafe {
-            let (ac, bd) = (_mm_unpacklo_ps(a.0, c.0), _mm_unpacklo_ps(b.0, d.0));
-            let (ac_z, bd_z) = (_mm_unpackhi_ps(a.0, c.0), _mm_unpackhi_ps(b.0, d.0));
-            [
-                Self(_mm_unpacklo_ps(ac, bd)),
-                Self(_mm_unpackhi_ps(ac, bd)),
-                Self(_mm_unpacklo_ps(ac_z, bd_z)),
-            ]
-        }
-    }
-}
+four! {}
 
 impl TwoDoubles for D2 {
     type Token = Sse42;

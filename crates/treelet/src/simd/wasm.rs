@@ -8,7 +8,7 @@
 //! exchanged. The relaxed instructions, which may fuse or pick another minimum, are not used.
 
 use super::two::{Two, TwoDoubles};
-use super::{Floats, Four, Shuffle, Simd, compress_by_bits};
+use super::{Floats, Four, Shuffle, Simd};
 use core::arch::wasm32::*;
 
 token! {
@@ -23,16 +23,7 @@ impl Simd for Simd128 {
     type D4 = Two<D2>;
 
     /// There is no such instruction.
-    #[inline(always)]
-    fn prefetch<T>(self, _: *const T) {}
-
     const WIDE_DOUBLES: bool = false;
-    const COMPRESSES: bool = false;
-
-    #[inline(always)]
-    fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
-        compress_by_bits(mask, items)
-    }
 }
 
 /// 4 x f32.

@@ -25,7 +25,7 @@ use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
-use crate::simd::{Kernel, Wide};
+use crate::simd::{Kernel, Simd, Wide};
 use core::marker::PhantomData;
 use core::ops::ControlFlow;
 
@@ -132,24 +132,8 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             };
             if first < frame.wide.triangles {
                 counters.leaf(count);
-                let leaf = K::leaf(&frame.wide.words, first);
-                let Prepared { triangle, slab, clip, .. } = &frame.ray;
-                let range = (ray.t_min, visitor.t_max());
-                let hits = K::hits(simd, leaf, count, (triangle, slab), clip, range);
-                let mut mask = hits.mask;
-                while mask != 0 {
-                    let lane = mask.trailing_zeros() as usize % block::LANES;
-                    mask &= mask - 1;
-                    let id = K::id(leaf, count, lane);
-                    let (t, u, v) = (hits.t[lane], hits.u[lane], hits.v[lane]);
-                    // A hit nearer than this one may have been found in another lane.
-                    if t > visitor.t_max() || !frame.structure.sees(id, ray.mask) {
-                        continue;
-                    }
-                    let Frame { structure, inst, .. } = frame;
-                    if visitor.hit(Found { t, u, v, id, inst, structure }).is_break() {
-                        return;
-                    }
+                if triangles::<K, S, V, W>(simd, &frame, (first, count), ray, visitor).is_break() {
+                    return;
                 }
                 next = pop(visitor.t_max(), &mut stack, counters);
                 continue;
@@ -190,4 +174,33 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             }
         }
     }
+}
+
+/// Shows the visitor the hits with the triangles of a leaf.
+#[inline(always)]
+fn triangles<'a, K: Packing<W>, S: Simd, V: Visitor<'a>, const W: usize>(
+    simd: S,
+    frame: &Frame<'a, K, W>,
+    (first, count): (usize, usize),
+    ray: &Ray,
+    visitor: &mut V,
+) -> ControlFlow<()> {
+    let leaf = K::leaf(&frame.wide.words, first);
+    let Prepared { triangle, slab, clip, .. } = &frame.ray;
+    let range = (ray.t_min, visitor.t_max());
+    let hits = K::hits(simd, leaf, count, (triangle, slab), clip, range);
+    let mut mask = hits.mask;
+    while mask != 0 {
+        let lane = mask.trailing_zeros() as usize % block::LANES;
+        mask &= mask - 1;
+        let id = K::id(leaf, count, lane);
+        let (t, u, v) = (hits.t[lane], hits.u[lane], hits.v[lane]);
+        // A hit nearer than this one may have been found in another lane.
+        if t > visitor.t_max() || !frame.structure.sees(id, ray.mask) {
+            continue;
+        }
+        let Frame { structure, inst, .. } = *frame;
+        visitor.hit(Found { t, u, v, id, inst, structure })?;
+    }
+    ControlFlow::Continue(())
 }
