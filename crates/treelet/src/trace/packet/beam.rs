@@ -77,7 +77,7 @@ where
 }
 
 /// Stacks the children of a node that some packets may meet: the nearest uppermost, or, if nearness
-/// saves no work, in the node's order, the largest uppermost. Returns the stack's new length.
+/// saves no work, in the node's order, its last child uppermost. Returns the stack's new length.
 #[inline(always)]
 fn visit<'a, K: Packing<W>, S: Wide<W>, A: Answers<'a>, const W: usize>(
     simd: S,
