@@ -34,7 +34,7 @@ where
     let structure = walk.structure;
     let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
     let mut block = ROOM;
-    let count = walk.group.packets.len();
+    let count = walk.group.count;
     walk.group.stacks[0][0] = Waiting::new(wide.root, ((1_u32 << count) - 1) as u16);
     let (mut len, mut nodes) = (1, 0);
     while len > 0 {

@@ -6,7 +6,7 @@
 use super::super::record::{Class, RAYS};
 use super::group::GROUP;
 use crate::math::{Ray, ray};
-use crate::simd::{Floats, Simd};
+use crate::simd::{Floats, RayColumns, Simd};
 
 /// Slopes that differ by at most this are near.
 const NEAR: f32 = 0.08;
@@ -21,7 +21,7 @@ const SMALL: usize = 8;
 const SAMPLES: usize = 16;
 
 /// 16 rows of rays.
-const ROWS: usize = GROUP / RAYS;
+pub(super) const ROWS: usize = GROUP / RAYS;
 
 /// The direction of a ray: its class, and its slopes.
 #[derive(Clone, Copy)]
@@ -98,13 +98,14 @@ pub(super) struct Bundles {
 }
 
 impl Bundles {
-    /// Sorts the rays of a run, [`GROUP`] at most.
+    /// Sorts the rays of a run, [`GROUP`] at most; leaves them side by side in `columns`, 16 after 16.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, rays: &[Ray]) -> Self {
+    pub(super) fn new<S: Simd>(simd: S, rays: &[Ray], columns: &mut [RayColumns; ROWS]) -> Self {
         let mut bearings = [Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] }; ROWS];
         let mut rest = [0_u32; ROWS];
-        for ((rays, bearings), rest) in rays.chunks(RAYS).zip(&mut bearings).zip(&mut rest) {
-            *rest = look(simd, rays, bearings);
+        let rows = rays.chunks(RAYS).zip(&mut *columns);
+        for ((rays, columns), (bearings, rest)) in rows.zip(bearings.iter_mut().zip(&mut rest)) {
+            *rest = look(simd, rays, columns, bearings);
         }
         let mut out = Self {
             places: [0; GROUP + RAYS],
@@ -183,6 +184,12 @@ impl Bundles {
         self.len += 1;
     }
 
+    /// Whether all rays of a run of that length are one bundle: their places are then in order.
+    #[inline(always)]
+    pub(super) fn is_one(&self, len: usize) -> bool {
+        self.len == 1 && self.bundled == len
+    }
+
     /// The places of the valid rays that are in no bundle.
     #[inline(always)]
     pub(super) fn rest(&self) -> impl Iterator<Item = usize> {
@@ -200,22 +207,21 @@ impl Bundles {
 
 /// Looks at up to 16 rays; says which are valid.
 #[inline(always)]
-fn look<S: Simd>(simd: S, rays: &[Ray], out: &mut Bearings) -> u32 {
-    let mut rows = [[0.0; 16]; RAYS];
-    for (row, ray) in rows.iter_mut().zip(rays) {
-        let Ray { origin: [a, b, c], direction: [x, y, z], t_min, t_max, .. } = *ray;
-        row[..8].copy_from_slice(&[a, b, c, t_min, x, y, z, t_max]);
+fn look<S: Simd>(
+    simd: S,
+    rays: &[Ray],
+    columns: &mut RayColumns,
+    out: &mut Bearings,
+) -> u32 {
+    let mut borrowed = [&rays[0]; RAYS];
+    for lane in 1..RAYS {
+        borrowed[lane] = &rays[lane.min(rays.len() - 1)];
     }
-    let mut borrowed = [&rows[0]; RAYS];
-    for lane in 0..RAYS {
-        borrowed[lane] = &rows[lane];
-    }
-    let mut columns = [[0.0; 16]; 16];
-    simd.transpose(&borrowed, &mut columns);
+    *columns = simd.rays(&borrowed);
     let column = |i: usize| S::F16::load(simd, &columns[i]);
     let splat = |x: f32| S::F16::splat(simd, x);
 
-    // What `Ray::is_valid` says. A row without a ray has no direction.
+    // What `Ray::is_valid` says.
     let [low, high] = [splat(-ray::LONGEST), splat(ray::LONGEST)];
     let [back, ahead] = [splat(-ray::SHORTEST), splat(ray::SHORTEST)];
     let infinite = splat(f32::INFINITY);
@@ -230,7 +236,7 @@ fn look<S: Simd>(simd: S, rays: &[Ray], out: &mut Bearings) -> u32 {
     }
     valid &= long;
 
-    let [.., x, y, z, _, _, _, _, _, _, _, _, _] = &columns;
+    let [.., x, y, z, _] = &*columns;
     for lane in 0..RAYS {
         // What `Class::of` and `longest_axis` say.
         let (x, y, z) = (x[lane], y[lane], z[lane]);
@@ -272,5 +278,5 @@ fn look<S: Simd>(simd: S, rays: &[Ray], out: &mut Bearings) -> u32 {
         out.slopes[0][lane] = first * reciprocal;
         out.slopes[1][lane] = second * reciprocal;
     }
-    valid
+    valid & ((1 << rays.len()) - 1)
 }

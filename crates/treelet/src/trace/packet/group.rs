@@ -1,7 +1,7 @@
 //! Rays that are walked together: up to 16 packets of 16, and what bounds them.
 
 use super::super::record::{
-    Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns,
+    Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns, gather,
 };
 use super::super::structure::Structure;
 use crate::bounds::Aabb;
@@ -9,7 +9,7 @@ use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_with_capacity};
-use crate::simd::{Floats, Four, Simd, Wide};
+use crate::simd::{Floats, Four, RayColumns, Simd, Wide};
 use alloc::vec::Vec;
 
 /// Packets of a group, at most.
@@ -140,7 +140,11 @@ impl Waiting {
 
 /// The rays of a group.
 pub(crate) struct Group {
+    /// [`PACKETS`], of which the first `count` are in use.
     pub(super) packets: Vec<Packet>,
+    pub(super) count: usize,
+    /// The rays of a run, side by side.
+    pub(super) columns: [RayColumns; PACKETS],
     /// Of each packet, a packet a lane.
     pub(super) spreads: Spread<[f32; PACKETS]>,
     /// Of all of them, as they were to begin with.
@@ -158,8 +162,12 @@ impl Group {
     /// Room for a group.
     pub(crate) fn new() -> Result<Self, OutOfMemory> {
         let nothing = Waiting::new(Child::END, 0);
+        let mut packets = try_with_capacity(PACKETS, "packets of rays")?;
+        packets.resize(PACKETS, Packet::EMPTY);
         Ok(Self {
-            packets: try_with_capacity(PACKETS, "packets of rays")?,
+            packets,
+            count: 0,
+            columns: [[[0.0; RAYS]; 8]; PACKETS],
             spreads: Spread::default(),
             all: Spread::default(),
             stacks: [[nothing; WAITING]; 2],
@@ -167,7 +175,8 @@ impl Group {
         })
     }
 
-    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class.
+    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class; `ready` if they are, in this order, what
+    /// `columns` hold.
     #[inline(always)]
     pub(super) fn fill<S: Simd>(
         &mut self,
@@ -176,13 +185,18 @@ impl Group {
         class: Class,
         rays: &[Ray],
         slots: &[u32],
+        ready: bool,
     ) {
-        self.packets.clear();
-        for slots in slots.chunks(RAYS).take(PACKETS) {
-            self.packets.push(Packet::EMPTY);
-            let Some(packet) = self.packets.last_mut() else { return };
+        self.count = slots.len().div_ceil(RAYS);
+        let packets = self.packets.iter_mut().zip(&mut self.columns);
+        for (slots, (packet, side_by_side)) in slots.chunks(RAYS).zip(packets) {
+            if !ready {
+                *side_by_side = gather(simd, rays, slots);
+            }
             packet.len = slots.len();
-            packet.along = columns(simd, structure, class, rays, slots, &mut packet.columns);
+            packet.along = columns(simd, structure, class, side_by_side, &mut packet.columns);
+            packet.id = [NONE; RAYS];
+            packet.alive = 0;
             for lane in 0..RAYS {
                 let slot = slots[lane.min(slots.len() - 1)];
                 packet.slots[lane] = slot;
@@ -199,7 +213,7 @@ impl Group {
     #[inline(always)]
     fn bound<S: Simd>(&mut self, simd: S, structure: &Structure, class: Class) {
         let spreads = &mut self.spreads;
-        let packets = &self.packets;
+        let packets = &self.packets[..self.count.min(PACKETS)];
         for axis in 0..3 {
             let near = extremes(simd, packets, NEAR + axis);
             let far = extremes(simd, packets, FAR + axis);

@@ -94,7 +94,7 @@ impl<'a, A: Answers<'a>> Walk<'a, '_, A> {
         let structure = self.structure;
         // Without instances nothing was written before, not even misses.
         let flat = structure.instances.is_empty();
-        for packet in &self.group.packets {
+        for packet in self.group.packets.iter().take(self.group.count) {
             for lane in 0..packet.len.min(RAYS) {
                 let (t, id) = (packet.columns[T_MAX][lane], packet.id[lane]);
                 let (u, v) = (packet.u[lane], packet.v[lane]);
@@ -138,7 +138,8 @@ pub(crate) fn run<'a, K, S, A, const W: usize>(
         rest.extend(first as u32..end as u32);
         return;
     }
-    let bundles = Bundles::new(simd, run);
+    let bundles = Bundles::new(simd, run, &mut group.columns);
+    let ready = bundles.is_one(run.len());
     let partly = bundles.bundled < run.len();
     if partly || !structure.instances.is_empty() || !A::NEAREST_FIRST {
         answers.clear(first..end);
@@ -154,7 +155,7 @@ pub(crate) fn run<'a, K, S, A, const W: usize>(
         let slots = &slots[..places.len().min(GROUP)];
         let Some(&slot) = slots.first() else { continue };
         let class = Class::of(&rays[slot as usize]);
-        group.fill(simd, structure, class, rays, slots);
+        group.fill(simd, structure, class, rays, slots, ready);
         let mut walk = Walk { structure, class, rays, answers: &mut *answers, group: &mut *group };
         beam::beam::<K, S, A, W>(simd, &mut walk);
         if A::NEAREST_FIRST {
