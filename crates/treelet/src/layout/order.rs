@@ -164,7 +164,8 @@ mod tests {
     fn children_keep_their_boxes() {
         for size in [1e-40, 1e-22, 1.0, 1e19, 1e37, 0.0] {
             let mut node = Node::<16>::EMPTY;
-            let boxed = |i: usize| aabb([0.0; 3], [1.0, (i * 7 % 13) as f32, 0.1].map(|x| x * size));
+            let boxed =
+                |i: usize| aabb([0.0; 3], [1.0, (i * 7 % 13) as f32, 0.1].map(|x| x * size));
             for slot in 0..11 {
                 node.set(slot, &boxed(slot), Child::leaf(slot * 4, 1 + slot % 4));
             }
@@ -178,7 +179,10 @@ mod tests {
                 seen[first / 4] = true;
                 let [x, y, z] = &node.planes;
                 let Aabb { lo, hi } = boxed(first / 4);
-                assert_eq!(([x[0][slot], y[0][slot], z[0][slot]], [x[1][slot], y[1][slot], z[1][slot]]), (lo, hi));
+                assert_eq!(
+                    ([x[0][slot], y[0][slot], z[0][slot]], [x[1][slot], y[1][slot], z[1][slot]]),
+                    (lo, hi)
+                );
             }
             assert_eq!((seen, node.children[11]), ([true; 11], Child::END));
         }

@@ -85,12 +85,16 @@ struct Bearings {
     slopes: [[f32; RAYS]; 2],
 }
 
-/// The places of a run's rays, sorted into bundles.
+/// The places of a run's rays, sorted into bundles. Kept from run to run: clearing it would take
+/// longer than some of the sorting.
 pub(super) struct Bundles {
+    /// The rays side by side, 16 after 16, and their bearings.
+    columns: [RayColumns; ROWS],
+    bearings: [Bearings; ROWS],
     places: [u32; GROUP + RAYS],
     /// Where bundles begin and end.
     bundles: [(u32, u32); LEADERS],
-    len: usize,
+    pub(super) len: usize,
     /// Rays in bundles.
     pub(super) bundled: usize,
     /// The valid rays that are in none.
@@ -98,37 +102,39 @@ pub(super) struct Bundles {
 }
 
 impl Bundles {
-    /// Sorts the rays of a run, [`GROUP`] at most; leaves them side by side in `columns`, 16 after 16.
+    /// Of no rays.
+    pub(super) const EMPTY: Self = Self {
+        columns: [[[0.0; RAYS]; 8]; ROWS],
+        bearings: [Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] }; ROWS],
+        places: [0; GROUP + RAYS],
+        bundles: [(0, 0); LEADERS],
+        len: 0,
+        bundled: 0,
+        rest: [0; ROWS],
+    };
+
+    /// Sorts the rays of a run, [`GROUP`] at most.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, rays: &[Ray], columns: &mut [RayColumns; ROWS]) -> Self {
-        let mut bearings = [Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] }; ROWS];
-        let mut rest = [0_u32; ROWS];
-        let rows = rays.chunks(RAYS).zip(&mut *columns);
-        for ((rays, columns), (bearings, rest)) in rows.zip(bearings.iter_mut().zip(&mut rest)) {
-            *rest = look(simd, rays, columns, bearings);
+    pub(super) fn sort<S: Simd>(&mut self, simd: S, rays: &[Ray]) {
+        (self.len, self.bundled, self.rest) = (0, 0, [0; ROWS]);
+        for (row, rays) in rays.chunks(RAYS).take(ROWS).enumerate() {
+            let (columns, bearings) = (&mut self.columns[row], &mut self.bearings[row]);
+            self.rest[row] = look(simd, rays, columns, bearings);
         }
-        let mut out = Self {
-            places: [0; GROUP + RAYS],
-            bundles: [(0, 0); LEADERS],
-            len: 0,
-            bundled: 0,
-            rest,
-        };
         let rows = rays.len().div_ceil(RAYS).min(ROWS);
         let mut tried = [0_u32; ROWS];
         let mut row = 0;
-        while out.len < LEADERS {
+        while self.len < LEADERS {
             // The first ray that is in no bundle leads the next.
-            while row < rows && out.rest[row] & !tried[row] == 0 {
+            while row < rows && self.rest[row] & !tried[row] == 0 {
                 row += 1;
             }
             if row == rows {
                 break;
             }
-            let lane = (out.rest[row] & !tried[row]).trailing_zeros() as usize % RAYS;
-            out.join(simd, &bearings, row, lane, rows, &mut tried);
+            let lane = (self.rest[row] & !tried[row]).trailing_zeros() as usize % RAYS;
+            self.join(simd, row, lane, rows, &mut tried);
         }
-        out
     }
 
     /// Puts the rays that go with one of them into a bundle.
@@ -136,7 +142,6 @@ impl Bundles {
     fn join<S: Simd>(
         &mut self,
         simd: S,
-        bearings: &[Bearings; ROWS],
         row: usize,
         lane: usize,
         rows: usize,
@@ -144,16 +149,16 @@ impl Bundles {
     ) {
         let splat = |x: f32| S::F16::splat(simd, x);
         let load = |lanes: &[f32; RAYS]| S::F16::load(simd, lanes);
-        let leader = &bearings[row];
+        let leader = &self.bearings[row];
         let class = splat(leader.class[lane]);
         let (x, y) = (splat(leader.slopes[0][lane]), splat(leader.slopes[1][lane]));
         let (low, high) = (splat(-NEAR), splat(NEAR));
         let mut near = [0_u32; ROWS];
         let mut count = 0;
         for at in 0..rows {
-            let other = load(&bearings[at].class);
-            let dx = load(&bearings[at].slopes[0]).sub(x);
-            let dy = load(&bearings[at].slopes[1]).sub(y);
+            let other = load(&self.bearings[at].class);
+            let dx = load(&self.bearings[at].slopes[0]).sub(x);
+            let dy = load(&self.bearings[at].slopes[1]).sub(y);
             let same = class.le(other) & other.le(class);
             let near_x = low.le(dx) & dx.le(high);
             let near_y = low.le(dy) & dy.le(high);
@@ -184,10 +189,10 @@ impl Bundles {
         self.len += 1;
     }
 
-    /// Whether all rays of a run of that length are one bundle: their places are then in order.
+    /// The rays side by side, if all of the run, of that length, are one bundle: places are in order.
     #[inline(always)]
-    pub(super) fn is_one(&self, len: usize) -> bool {
-        self.len == 1 && self.bundled == len
+    pub(super) fn whole(&self, len: usize) -> Option<&[RayColumns; ROWS]> {
+        (self.len == 1 && self.bundled == len).then_some(&self.columns)
     }
 
     /// The places of the valid rays that are in no bundle.
@@ -196,23 +201,17 @@ impl Bundles {
         (0..GROUP).filter(|place| self.rest[place / RAYS] >> (place % RAYS) & 1 != 0)
     }
 
-    /// The places of the rays of each bundle.
+    /// The places of the rays of a bundle.
     #[inline(always)]
-    pub(super) fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        self.bundles[..self.len]
-            .iter()
-            .map(|&(start, end)| &self.places[start as usize..end as usize])
+    pub(super) fn places(&self, bundle: usize) -> &[u32] {
+        let (start, end) = self.bundles[bundle % LEADERS];
+        &self.places[start as usize..end as usize]
     }
 }
 
 /// Looks at up to 16 rays; says which are valid.
 #[inline(always)]
-fn look<S: Simd>(
-    simd: S,
-    rays: &[Ray],
-    columns: &mut RayColumns,
-    out: &mut Bearings,
-) -> u32 {
+fn look<S: Simd>(simd: S, rays: &[Ray], columns: &mut RayColumns, out: &mut Bearings) -> u32 {
     let mut borrowed = [&rays[0]; RAYS];
     for lane in 1..RAYS {
         borrowed[lane] = &rays[lane.min(rays.len() - 1)];

@@ -4,12 +4,13 @@ use super::super::record::{
     Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns, gather,
 };
 use super::super::structure::Structure;
+use super::bundles::Bundles;
 use crate::bounds::Aabb;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{OutOfMemory, try_with_capacity};
-use crate::simd::{Floats, Four, RayColumns, Simd, Wide};
+use crate::simd::{Floats, Four, Simd, Wide};
 use alloc::vec::Vec;
 
 /// Packets of a group, at most.
@@ -143,8 +144,7 @@ pub(crate) struct Group {
     /// [`PACKETS`], of which the first `count` are in use.
     pub(super) packets: Vec<Packet>,
     pub(super) count: usize,
-    /// The rays of a run, side by side.
-    pub(super) columns: [RayColumns; PACKETS],
+    pub(super) bundles: Bundles,
     /// Of each packet, a packet a lane.
     pub(super) spreads: Spread<[f32; PACKETS]>,
     /// Of all of them, as they were to begin with.
@@ -167,7 +167,7 @@ impl Group {
         Ok(Self {
             packets,
             count: 0,
-            columns: [[[0.0; RAYS]; 8]; PACKETS],
+            bundles: Bundles::EMPTY,
             spreads: Spread::default(),
             all: Spread::default(),
             stacks: [[nothing; WAITING]; 2],
@@ -175,8 +175,7 @@ impl Group {
         })
     }
 
-    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class; `ready` if they are, in this order, what
-    /// `columns` hold.
+    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class: a bundle of the run of `len`.
     #[inline(always)]
     pub(super) fn fill<S: Simd>(
         &mut self,
@@ -185,24 +184,27 @@ impl Group {
         class: Class,
         rays: &[Ray],
         slots: &[u32],
-        ready: bool,
+        len: usize,
     ) {
         self.count = slots.len().div_ceil(RAYS);
-        let packets = self.packets.iter_mut().zip(&mut self.columns);
-        for (slots, (packet, side_by_side)) in slots.chunks(RAYS).zip(packets) {
-            if !ready {
-                *side_by_side = gather(simd, rays, slots);
-            }
+        let whole = self.bundles.whole(len);
+        for (at, (slots, packet)) in slots.chunks(RAYS).zip(&mut self.packets).enumerate() {
+            let words = &mut packet.columns;
+            packet.along = match whole {
+                Some(rows) => columns(simd, structure, class, &rows[at % PACKETS], words),
+                None => columns(simd, structure, class, &gather(simd, rays, slots), words),
+            };
             packet.len = slots.len();
-            packet.along = columns(simd, structure, class, side_by_side, &mut packet.columns);
             packet.id = [NONE; RAYS];
-            packet.alive = 0;
+            let mut seeing = 0;
             for lane in 0..RAYS {
                 let slot = slots[lane.min(slots.len() - 1)];
                 packet.slots[lane] = slot;
-                if lane < slots.len() && rays[slot as usize].mask != 0 {
-                    packet.alive |= 1 << lane;
-                } else {
+                seeing |= u32::from(rays[slot as usize].mask != 0) << lane;
+            }
+            packet.alive = seeing & ((1 << slots.len()) - 1);
+            if packet.alive != u32::from(u16::MAX) {
+                for lane in (0..RAYS).filter(|lane| packet.alive >> lane & 1 == 0) {
                     packet.columns[T_MAX][lane] = f32::NEG_INFINITY;
                 }
             }
