@@ -17,10 +17,11 @@ use super::{BuildError, Builder, Info, LEAF_MAX, check_leaf_max, check_option};
 use crate::bounds::Aabb;
 use crate::context::{Context, Stage};
 use crate::math::morton::CODE_BITS;
+use crate::simd::{Checked, Level};
 use crate::tree::Tree;
 use alloc::vec::Vec;
 use core::sync::atomic::AtomicU64;
-use table::Table;
+use table::{Reduce, Table};
 
 /// Joins the pair with the smallest box among the clusters of a range of the Morton curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,6 +73,8 @@ struct Handing {
     exponent: f64,
     /// By the size of the range.
     listed: Vec<usize>,
+    /// The tree is the same at every level.
+    level: Checked,
 }
 
 impl Handing {
@@ -79,8 +82,9 @@ impl Handing {
         let (delta, epsilon) = (f64::from(aac.delta), f64::from(aac.epsilon));
         let factor = 0.5 * libm::pow(delta, 0.5 + epsilon);
         let exponent = 0.5 - epsilon;
-        let mut handing =
-            Self { delta: aac.delta as usize, factor, exponent, listed: Vec::new() };
+        let level = Level::best().checked().unwrap_or(Checked::SCALAR);
+        let delta = aac.delta as usize;
+        let mut handing = Self { delta, factor, exponent, listed: Vec::new(), level };
         handing.listed = (0..=LISTED).map(|prims| handing.compute(prims)).collect();
         handing
     }
@@ -121,10 +125,10 @@ impl Join for Handing {
     fn push(&self, open: &mut Open, part: &Part<'_>, below: &mut Below<'_>) {
         let mut range = Range { begin: open.clusters.len(), prims: part.prims, level: part.level };
         open.clusters.extend_from_slice(part.clusters);
-        open.reduce(&range, self.most(range.prims), below);
+        self.reduce(open, &range, self.most(range.prims), below);
         while let Some(left) = open.ranges.pop_if(|left| left.level > part.level) {
             range = Range { begin: left.begin, prims: left.prims + range.prims, ..range };
-            open.reduce(&range, self.most(range.prims), below);
+            self.reduce(open, &range, self.most(range.prims), below);
         }
         open.ranges.push(range);
     }
@@ -132,7 +136,7 @@ impl Join for Handing {
     fn finish(&self, open: &mut Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster> {
         // Level 0 ended every range.
         let all = Range { begin: 0, prims: 0, level: 0 };
-        open.reduce(&all, count, below);
+        self.reduce(open, &all, count, below);
         open.ranges.clear();
         core::mem::take(&mut open.clusters)
     }
@@ -142,13 +146,13 @@ impl Join for Handing {
     }
 }
 
-impl Open {
+impl Handing {
     /// Joins clusters of a range, the last one, until at most `most` are left.
-    fn reduce(&mut self, range: &Range, most: usize, below: &mut Below<'_>) {
-        let list = &mut self.clusters[range.begin..];
-        if list.len() > most {
-            let left = self.table.reduce(list, most, below);
-            self.clusters.truncate(range.begin + left);
+    fn reduce(&self, open: &mut Open, range: &Range, most: usize, below: &mut Below<'_>) {
+        let clusters = &mut open.clusters[range.begin..];
+        if clusters.len() > most {
+            let left = self.level.run(Reduce { table: &mut open.table, clusters, most, below });
+            open.clusters.truncate(range.begin + left);
         }
     }
 }
