@@ -13,12 +13,13 @@ mod table;
 
 use super::bottom_up::{self, Below, Cluster, Cut, Join, Part};
 use super::fill_leaves::fill_leaves;
+use super::lbvh::Lbvh;
 use super::{BuildError, Builder, Info, LEAF_MAX, check_leaf_max, check_option};
 use crate::bounds::Aabb;
 use crate::context::{Context, Stage};
 use crate::math::morton::CODE_BITS;
 use crate::simd::{Checked, Level};
-use crate::tree::Tree;
+use crate::tree::{DEPTH_MAX, Tree};
 use alloc::vec::Vec;
 use core::sync::atomic::AtomicU64;
 use table::{Reduce, Table};
@@ -26,10 +27,13 @@ use table::{Reduce, Table};
 /// Joins the pair with the smallest box among the clusters of a range of the Morton curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aac {
-    /// Most primitives in a leaf, in `1..=64`. Subtrees up to this size become leaves.
+    /// Most primitives in a leaf, in `1..=64`.
     pub leaf_max: u32,
-    /// Ranges of the curve up to this size, in `2..=64`, are clustered as one. More make better trees
-    /// and cost time.
+    /// Whether clustering starts from ranges of the curve that fill a leaf, not, as in the paper, from
+    /// primitives, of which subtrees become leaves in the end.
+    pub from_leaves: bool,
+    /// Ranges of up to so many of those, in `2..=64`, are clustered as one. More make better trees and
+    /// cost time.
     pub delta: u32,
     /// How fast lists shrink, in `0..=0.5`: ranges hand up `n^(0.5 - epsilon)` clusters, times a
     /// constant. Less makes better trees and costs time.
@@ -37,10 +41,12 @@ pub struct Aac {
 }
 
 impl Aac {
+    /// The paper's AAC-HQ over leaves of up to four.
+    pub const DEFAULT: Self = Self { leaf_max: 4, from_leaves: true, delta: 20, epsilon: 0.1 };
     /// The paper's AAC-HQ.
-    pub const DEFAULT: Self = Self { leaf_max: 4, delta: 20, epsilon: 0.1 };
+    pub const HQ: Self = Self { from_leaves: false, ..Self::DEFAULT };
     /// The paper's AAC-Fast.
-    pub const FAST: Self = Self { leaf_max: 4, delta: 4, epsilon: 0.2 };
+    pub const FAST: Self = Self { delta: 4, epsilon: 0.2, ..Self::HQ };
 }
 
 impl Builder for Aac {
@@ -56,10 +62,17 @@ impl Builder for Aac {
         check_leaf_max(self.leaf_max)?;
         check_option("delta", f64::from(self.delta), 2.0..=f64::from(LEAF_MAX), "2..=64")?;
         check_option("epsilon", f64::from(self.epsilon), 0.0..=0.5, "0..=0.5")?;
-        let cut = Cut { leaf_max: self.delta, code_bits: CODE_BITS };
-        let (tree, _) = bottom_up::build(&Handing::new(self), cut, bounds, context)?;
-        let quiet = Context { cancel: context.cancel.clone(), progress: None };
-        fill_leaves(&tree, self.leaf_max, &Stage::new(&quiet, "build", 0))
+        let leaf_max = if self.from_leaves { self.leaf_max } else { 1 };
+        let cut = Cut { leaf_max, code_bits: CODE_BITS };
+        let (tree, depth) = bottom_up::build(&Handing::new(self), cut, bounds, context)?;
+        if !self.from_leaves {
+            let quiet = Context { cancel: context.cancel.clone(), progress: None };
+            return fill_leaves(&tree, self.leaf_max, &Stage::new(&quiet, "build", 0));
+        }
+        if depth > DEPTH_MAX {
+            return Lbvh { leaf_max: self.leaf_max, ..Lbvh::DEFAULT }.build(bounds, context);
+        }
+        Ok(tree)
     }
 }
 
@@ -85,18 +98,18 @@ impl Handing {
         let level = Level::best().checked().unwrap_or(Checked::SCALAR);
         let delta = aac.delta as usize;
         let mut handing = Self { delta, factor, exponent, listed: Vec::new(), level };
-        handing.listed = (0..=LISTED).map(|prims| handing.compute(prims)).collect();
+        handing.listed = (0..=LISTED).map(|leaves| handing.compute(leaves)).collect();
         handing
     }
 
     /// `f(n)`; ranges of less than `delta` hand up as many as those of `delta`.
-    fn compute(&self, prims: usize) -> usize {
-        let most = self.factor * libm::pow(prims.max(self.delta) as f64, self.exponent);
+    fn compute(&self, leaves: usize) -> usize {
+        let most = self.factor * libm::pow(leaves.max(self.delta) as f64, self.exponent);
         (most as usize).max(1)
     }
 
-    fn most(&self, prims: usize) -> usize {
-        self.listed.get(prims).copied().unwrap_or_else(|| self.compute(prims))
+    fn most(&self, leaves: usize) -> usize {
+        self.listed.get(leaves).copied().unwrap_or_else(|| self.compute(leaves))
     }
 }
 
@@ -113,36 +126,35 @@ struct Open {
 struct Range {
     /// Where its list begins.
     begin: usize,
-    prims: usize,
+    leaves: usize,
     /// Where it parts from the next; rises from range to range.
     level: u8,
 }
 
 impl Join for Handing {
     type Open = Open;
-    const SINGLES: bool = true;
 
     fn push(&self, open: &mut Open, part: &Part<'_>, below: &mut Below<'_>) {
-        let mut range = Range { begin: open.clusters.len(), prims: part.prims, level: part.level };
+        let mut range = Range { begin: open.clusters.len(), leaves: part.leaves, level: part.level };
         open.clusters.extend_from_slice(part.clusters);
-        self.reduce(open, &range, self.most(range.prims), below);
+        self.reduce(open, &range, self.most(range.leaves), below);
         while let Some(left) = open.ranges.pop_if(|left| left.level > part.level) {
-            range = Range { begin: left.begin, prims: left.prims + range.prims, ..range };
-            self.reduce(open, &range, self.most(range.prims), below);
+            range = Range { begin: left.begin, leaves: left.leaves + range.leaves, ..range };
+            self.reduce(open, &range, self.most(range.leaves), below);
         }
         open.ranges.push(range);
     }
 
     fn finish(&self, open: &mut Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster> {
         // Level 0 ended every range.
-        let all = Range { begin: 0, prims: 0, level: 0 };
+        let all = Range { begin: 0, leaves: 0, level: 0 };
         self.reduce(open, &all, count, below);
         open.ranges.clear();
         core::mem::take(&mut open.clusters)
     }
 
-    fn keep(&self, clusters: usize, _marks: &mut [AtomicU64]) -> usize {
-        clusters.min(self.most(clusters))
+    fn keep(&self, leaves: &mut [AtomicU64]) -> usize {
+        leaves.len().min(self.most(leaves.len()))
     }
 }
 
@@ -154,5 +166,71 @@ impl Handing {
             let left = self.level.run(Reduce { table: &mut open.table, clusters, most, below });
             open.clusters.truncate(range.begin + left);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn build(aac: &Aac, bounds: &[Aabb]) -> Tree {
+        aac.build(bounds, &Context::default()).unwrap()
+    }
+
+    #[test]
+    fn ranges_of_delta_hand_up_half_as_many_and_larger_ones_a_power() {
+        let handing = Handing::new(&Aac::HQ);
+        assert_eq!([1, 20].map(|leaves| handing.most(leaves)), [10, 10]);
+        // 20 times as many hand up 20^0.4 = 3.31 times as many.
+        assert_eq!(handing.most(400), 33);
+        assert_eq!(handing.most(160_000), 10 * 36 + 4);
+        assert_eq!(Handing::new(&Aac::FAST).most(4), 2);
+        // A piece finds in its list what it is to hand up.
+        for aac in [Aac::HQ, Aac::FAST, Aac { delta: 2, epsilon: 0.5, ..Aac::HQ }] {
+            let handing = Handing::new(&aac);
+            let most = |leaves: usize| leaves.min(handing.most(leaves));
+            for all in 2..2000 {
+                for part in [1, 2, all / 3, all / 2] {
+                    assert!(most(part) + most(all - part) >= most(all), "{part} of {all}");
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn equal_boxes_do_not_become_chains() {
+        let bounds = alloc::vec![Aabb { lo: [0.0; 3], hi: [1.0; 3] }; 1 << 14];
+        for aac in [Aac { leaf_max: 1, ..Aac::HQ }, Aac { leaf_max: 1, ..Aac::FAST }] {
+            let depth = build(&aac, &bounds).stats().depth;
+            assert!(depth <= 18, "15 would be perfect, {aac:?} has {depth}");
+        }
+    }
+
+    #[test]
+    fn what_would_be_too_deep_is_mended() {
+        let around = |i: i32| {
+            let half = 1.01_f32.powi(i - 2500);
+            Aabb { lo: [-half; 3], hi: [half; 3] }
+        };
+        let bounds: Vec<Aabb> = (0..5000).map(around).collect();
+        for aac in [Aac::DEFAULT, Aac::HQ, Aac { leaf_max: 1, ..Aac::DEFAULT }] {
+            let tree = build(&aac, &bounds);
+            tree.validate(&bounds).unwrap_or_else(|error| panic!("{aac:?}: {error}"));
+        }
+    }
+
+    #[test]
+    fn options_out_of_range_are_named() {
+        let check = |aac: Aac, option: &str| {
+            let error = aac.build(&[], &Context::default()).unwrap_err();
+            assert!(matches!(error, BuildError::Option { option: bad, .. } if bad == option));
+        };
+        for delta in [0, 1, 65] {
+            check(Aac { delta, ..Aac::DEFAULT }, "delta");
+        }
+        for epsilon in [-0.1, 0.51, f32::NAN] {
+            check(Aac { epsilon, ..Aac::DEFAULT }, "epsilon");
+        }
+        check(Aac { leaf_max: 65, ..Aac::DEFAULT }, "leaf_max");
     }
 }

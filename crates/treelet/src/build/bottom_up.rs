@@ -61,10 +61,10 @@ impl<'a> Below<'a> {
 
 /// Neighbours on the curve that belong together.
 pub(super) struct Part<'a> {
-    /// A leaf, or its primitives, or what a piece handed up.
+    /// A leaf, or what a piece handed up.
     pub(super) clusters: &'a [Cluster],
-    /// How many primitives are below them.
-    pub(super) prims: usize,
+    /// How many leaves are below them.
+    pub(super) leaves: usize,
     /// Where they part from what comes next: the greater, the closer. 0 at the end.
     pub(super) level: u8,
 }
@@ -72,7 +72,7 @@ pub(super) struct Part<'a> {
 /// What a piece hands to the top of the tree.
 pub(super) struct Handed {
     pub(super) clusters: Vec<Cluster>,
-    prims: usize,
+    leaves: usize,
     level: u8,
 }
 
@@ -81,17 +81,14 @@ pub(super) trait Join: Sync {
     /// What it keeps between one part and the next.
     type Open: Default;
 
-    /// Whether leaves of the curve are shown as their primitives, each of them a cluster.
-    const SINGLES: bool = false;
-
     /// Takes the next part.
     fn push(&self, open: &mut Self::Open, part: &Part<'_>, below: &mut Below<'_>);
 
     /// Joins what is open until `count` clusters are left.
     fn finish(&self, open: &mut Self::Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster>;
 
-    /// How many of its `clusters` a piece with these leaves hands to the top of the tree.
-    fn keep(&self, clusters: usize, marks: &mut [AtomicU64]) -> usize;
+    /// How many clusters a piece with these leaves hands to the top of the tree.
+    fn keep(&self, leaves: &mut [AtomicU64]) -> usize;
 
     /// Joins what the pieces handed up, into one cluster.
     fn join_pieces(
@@ -101,8 +98,8 @@ pub(super) trait Join: Sync {
         _context: &Context<'_>,
     ) -> Result<Cluster, BuildError> {
         let mut open = Self::Open::default();
-        for Handed { clusters, prims, level } in &pieces {
-            self.push(&mut open, &Part { clusters, prims: *prims, level: *level }, below);
+        for Handed { clusters, leaves, level } in &pieces {
+            self.push(&mut open, &Part { clusters, leaves: *leaves, level: *level }, below);
         }
         Ok(self.finish(&mut open, 1, below)[0])
     }
@@ -140,22 +137,21 @@ pub(super) fn build<J: Join>(
     order.find_leaves(bounds, cut.leaf_max, &mut prims, &stage)?;
 
     // Give every piece its place, behind what joins the pieces.
-    let clusters = |piece: &Piece| if J::SINGLES { piece.prims.len() } else { piece.leaves };
     let mut marks = order.entries.as_mut_slice();
     let mut kept = Vec::with_capacity(order.pieces.len());
     for piece in &order.pieces {
         let marks = take(&mut marks, piece.prims.len());
-        kept.push(join.keep(clusters(piece), &mut marks[..piece.leaves]));
+        kept.push(join.keep(&mut marks[..piece.leaves]));
     }
-    let all: usize = order.pieces.iter().map(clusters).sum();
+    let leaves: usize = order.pieces.iter().map(|piece| piece.leaves).sum();
     let unwritten = Node::leaf(Aabb::EMPTY, 0, 1);
-    let mut nodes = memory::try_filled(unwritten, 2 * all - 1, "the tree's nodes")?;
+    let mut nodes = memory::try_filled(unwritten, 2 * leaves - 1, "the tree's nodes")?;
     let (top, mut rest) = nodes.split_at_mut(2 * kept.iter().sum::<usize>() - 1);
     let mut base = top.len();
     let mut marks = order.entries.as_mut_slice();
     let mut tasks = Vec::with_capacity(order.pieces.len());
     for (piece, keep) in order.pieces.iter().zip(kept) {
-        let size = 2 * (clusters(piece) - keep);
+        let size = 2 * (piece.leaves - keep);
         let marks = take(&mut marks, piece.prims.len());
         let below = Below::new(take(&mut rest, size), base);
         tasks.push((piece, &mut marks[..piece.leaves], keep, below));
@@ -167,11 +163,11 @@ pub(super) fn build<J: Join>(
         stage.check()?;
         let leaves = Leaves { bounds, prims: &prims, piece, stage: &stage };
         let mut open = J::Open::default();
-        leaves.each::<J>(marks, |part| join.push(&mut open, part, &mut below))?;
+        leaves.each(marks, |part| join.push(&mut open, part, &mut below))?;
         let clusters = join.finish(&mut open, keep, &mut below);
         debug_assert!(clusters.len() == keep && below.free == 0);
         stage.advance(piece.prims.len() as u64);
-        Ok(Handed { clusters, prims: piece.prims.len(), level: piece.level })
+        Ok(Handed { clusters, leaves: piece.leaves, level: piece.level })
     });
     let pieces = pieces.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
     stage.check()?;
@@ -198,16 +194,15 @@ const BLOCK: usize = 128;
 const _: () = assert!(BLOCK >= super::LEAF_MAX as usize);
 
 impl Leaves<'_> {
-    /// Shows each leaf, or its primitives.
+    /// Shows each leaf.
     #[inline(always)]
-    fn each<J: Join>(
+    fn each(
         &self,
         marks: &mut [AtomicU64],
         mut show: impl FnMut(&Part<'_>),
     ) -> Result<(), Cancelled> {
         let begin = self.piece.prims.start;
         let mut boxes = [Aabb::EMPTY; BLOCK];
-        let mut singles = Vec::new();
         let mut loaded = 0..0;
         for leaf in 0..marks.len() {
             let Mark { first, level } = Mark::unpack(*marks[leaf].get_mut());
@@ -222,18 +217,8 @@ impl Leaves<'_> {
                 self.load(loaded.clone(), &mut boxes);
             }
             let boxes = &boxes[first - loaded.start..end - loaded.start];
-            let prims = end - first;
-            if J::SINGLES {
-                singles.clear();
-                singles.extend(boxes.iter().zip(first..).map(|(bounds, place)| Cluster {
-                    root: Node::leaf(*bounds, place, 1),
-                    height: 0,
-                }));
-                show(&Part { clusters: &singles, prims, level });
-            } else {
-                let root = Node::leaf(around(boxes), first, prims);
-                show(&Part { clusters: &[Cluster { root, height: 0 }], prims, level });
-            }
+            let root = Node::leaf(around(boxes), first, end - first);
+            show(&Part { clusters: &[Cluster { root, height: 0 }], leaves: 1, level });
         }
         Ok(())
     }

@@ -89,9 +89,9 @@ impl Join for Hlbvh {
         open.drain(..).map(|(cluster, _)| cluster).collect()
     }
 
-    fn keep(&self, _clusters: usize, marks: &mut [AtomicU64]) -> usize {
+    fn keep(&self, leaves: &mut [AtomicU64]) -> usize {
         let ends = |mark: &mut AtomicU64| self.parts_clusters(Mark::unpack(*mark.get_mut()).level);
-        marks.iter_mut().map(ends).filter(|&ends| ends).count()
+        leaves.iter_mut().map(ends).filter(|&ends| ends).count()
     }
 
     fn join_pieces(
@@ -119,5 +119,103 @@ impl Join for Hlbvh {
         }
         below.fill(&top.nodes[1..]);
         Ok(Cluster { root: top.nodes[0], height: heights[0] })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::curve_order::Split;
+    use super::*;
+    use crate::math::morton::Curve;
+    use alloc::collections::{BTreeMap, BTreeSet};
+
+    fn build(hlbvh: &Hlbvh, bounds: &[Aabb]) -> Tree {
+        hlbvh.build(bounds, &Context::default()).unwrap()
+    }
+
+    fn random_boxes(count: usize) -> Vec<Aabb> {
+        let mut state = 1_u32;
+        let mut random = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / 16_777_216.0
+        };
+        let mut one = || {
+            let lo = [(); 3].map(|()| random().powi(3));
+            Aabb { lo, hi: lo.map(|x| x + 0.01 * random()) }
+        };
+        (0..count).map(|_| one()).collect()
+    }
+
+    /// The primitives of every node, in order.
+    fn sets(tree: &Tree) -> Vec<Vec<u32>> {
+        let mut below = alloc::vec![Vec::new(); tree.nodes.len()];
+        for at in (0..tree.nodes.len()).rev() {
+            below[at] = match tree.nodes[at].kind() {
+                Kind::Leaf { first, count } => tree.prims[first..first + count].to_vec(),
+                Kind::Inner { left } => [below[left].as_slice(), &below[left + 1]].concat(),
+            };
+            below[at].sort_unstable();
+        }
+        below
+    }
+
+    #[test]
+    fn cells_are_subtrees_of_lbvh_under_a_top_of_binned_sah() {
+        for (count, cluster_bits) in [(1, 15), (300, 11), (3000, 12), (20_000, 15), (3000, 30)] {
+            let bounds = random_boxes(count);
+            let context = Context::default();
+            let ours = sets(&build(&Hlbvh { leaf_max: 1, cluster_bits }, &bounds));
+            let lbvh = Lbvh { leaf_max: 1, ..Lbvh::DEFAULT }.build(&bounds, &context).unwrap();
+
+            // Cells, from the definition.
+            let points = bounds.iter().map(Aabb::center);
+            let centers = points.fold(Aabb::EMPTY, |all, p| all.union(&Aabb { lo: p, hi: p }));
+            let split = Split::new(count, CODE_BITS);
+            let curve = Curve::new(centers.lo, centers.hi, split.coarse_bits);
+            let cell = |prim: u32| {
+                let code = curve.coarse(curve.cell(bounds[prim as usize].center()));
+                code >> (split.coarse_bits - cluster_bits)
+            };
+            let mut cells = BTreeMap::<_, Vec<u32>>::new();
+            (0..count as u32).for_each(|prim| cells.entry(cell(prim)).or_default().push(prim));
+            let cells: Vec<Vec<u32>> = cells.into_values().collect();
+
+            let is_inside = |set: &Vec<u32>| set.iter().all(|&prim| cell(prim) == cell(set[0]));
+            let mut expected: BTreeSet<_> = sets(&lbvh).into_iter().filter(is_inside).collect();
+            let around = |cell: &Vec<u32>| {
+                cell.iter().fold(Aabb::EMPTY, |all, &prim| all.union(&bounds[prim as usize]))
+            };
+            let boxes: Vec<Aabb> = cells.iter().map(around).collect();
+            let sah = BinnedSah { leaf_max: 1, block: 1, ..BinnedSah::DEFAULT };
+            for set in sets(&sah.build(&boxes, &context).unwrap()) {
+                let mut prims: Vec<u32> =
+                    set.iter().flat_map(|&cell| cells[cell as usize].clone()).collect();
+                prims.sort_unstable();
+                expected.insert(prims);
+            }
+            assert_eq!(ours.len(), 2 * count - 1);
+            let ours: BTreeSet<_> = ours.into_iter().collect();
+            assert!(ours == expected, "{count} boxes, cells of {cluster_bits} bits");
+            assert!(count < 1000 || (20..count).contains(&cells.len()), "{} cells", cells.len());
+        }
+    }
+
+    #[test]
+    fn the_heuristic_pays() {
+        let bounds = random_boxes(30_000);
+        let cost = |tree: Tree| tree.stats().sah;
+        let lbvh = cost(Lbvh::DEFAULT.build(&bounds, &Context::default()).unwrap());
+        let hlbvh = cost(build(&Hlbvh::DEFAULT, &bounds));
+        assert!(hlbvh < 0.97 * lbvh, "{hlbvh}, {lbvh} without");
+    }
+
+    #[test]
+    fn options_out_of_range_are_named() {
+        for cluster_bits in [0, 10, 31, u32::MAX] {
+            let error = Hlbvh { leaf_max: 4, cluster_bits }.build(&[], &Context::default());
+            let value = f64::from(cluster_bits);
+            let option = "cluster_bits";
+            assert_eq!(error, Err(BuildError::Option { option, value, allowed: "11..=30" }));
+        }
     }
 }

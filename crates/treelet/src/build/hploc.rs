@@ -105,8 +105,8 @@ impl Join for Hploc {
         core::mem::take(&mut open.clusters)
     }
 
-    fn keep(&self, clusters: usize, _marks: &mut [AtomicU64]) -> usize {
-        clusters.min(KEPT)
+    fn keep(&self, leaves: &mut [AtomicU64]) -> usize {
+        leaves.len().min(KEPT)
     }
 }
 
@@ -318,8 +318,8 @@ mod tests {
             naive_reduce(all, count, count, below)
         }
 
-        fn keep(&self, clusters: usize, _: &mut [AtomicU64]) -> usize {
-            clusters.min(KEPT)
+        fn keep(&self, leaves: &mut [AtomicU64]) -> usize {
+            leaves.len().min(KEPT)
         }
     }
 

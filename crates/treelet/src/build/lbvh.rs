@@ -73,7 +73,7 @@ impl Join for Lbvh {
         open.drain(..).map(|(cluster, _)| cluster).collect()
     }
 
-    fn keep(&self, _clusters: usize, _marks: &mut [AtomicU64]) -> usize {
+    fn keep(&self, _leaves: &mut [AtomicU64]) -> usize {
         1
     }
 }
