@@ -19,8 +19,12 @@
 //! each other's best until they are joined, whenever that is; and joining the best pair of all first
 //! joins them too. Equal boxes become a balanced tree.
 //!
-//! One thread; about `3n` searches of O(log n) each where boxes are small beside the scene; 132 bytes
-//! a primitive of scratch.
+//! One thread, as in the paper; about `3n` searches of O(log n) each where boxes are small beside the
+//! scene; 170 to 230 bytes a primitive of scratch. Clusters so deep in the tree that its depth runs out
+//! are not the exact ones (`fill_leaves`): a coffee machine has some.
+//!
+//! Measured as in `lbvh`, M triangles/s and cost (which is not the order of tracing speeds between
+//! families of builders): coffee 0.40, 11.5; kitchen 0.32, 32.3; car 0.40, 74.1; fur 0.31, 151.
 
 mod search;
 

@@ -3,10 +3,24 @@
 //! Sources: C. Lauterbach, M. Garland, S. Sengupta, D. Luebke and D. Manocha, "Fast BVH Construction
 //! on GPUs", Computer Graphics Forum 28(2), 2009; T. Karras, "Maximizing Parallelism in the
 //! Construction of BVHs, Octrees, and k-d Trees", HPG 2012, whose topology this is: every range is
-//! cut at the highest bit in which its codes differ, equal codes by their places. Differs from it:
-//! one sweep with a stack makes topology and boxes, and small ranges become leaves.
+//! cut at the highest bit in which its codes differ, equal codes by their places. Differs from it: all
+//! pieces of the curve are made at once, not all nodes: in a piece, one sweep with a stack makes
+//! topology and boxes, so that no node searches for its ends and none is waited for; small ranges
+//! become leaves.
 //!
-//! O(n) time.
+//! O(n) time. Measured on one thread of a 2-core Xeon, boxes to tree, M triangles/s, with the cost by
+//! the surface area heuristic (1 a node, 1 a triangle; between families of builders it is not the
+//! order of tracing speeds):
+//!
+//! | | coffee | kitchen | car | fur |
+//! |---|---|---|---|---|
+//! | 63 bits | 28, 13.1 | 29, 47.9 | 32, 78.0 | 29, 170 |
+//! | 30 bits | 35, 13.1 | 37, 48.0 | 34, 78.1 | 30, 170 |
+//! | 63 bits, leaves of one | 17, 13.3 | 11, 51.4 | 12, 81.6 | 15, 185 |
+//! | 30 bits, leaves of one | 25, 13.4 | 17, 51.4 | 16, 81.7 | 14, 185 |
+//!
+//! 63 bits are the default all the same: where all that is interesting lies in a few cells of 30 bits,
+//! those cut it without looking.
 
 use super::bottom_up::{self, Below, Cluster, Cut, Join, Part};
 use super::curve_order::BUCKET_BITS_MAX;
@@ -23,8 +37,8 @@ use core::sync::atomic::AtomicU64;
 pub struct Lbvh {
     /// Most primitives in a leaf, in `1..=64`. Ranges up to this size are not cut.
     pub leaf_max: u32,
-    /// Bits of a code, in `11..=63`. 30 are sorted in less time, and enough where cells of a 1024th of
-    /// the scene hold few primitives; 63 tell all apart that f32 does.
+    /// Bits of a code, in `11..=63`. 30 are sorted in less time, and enough where cells of about a
+    /// 1024th of the scene's length hold few primitives; 63 tell apart almost all that f32 does.
     pub code_bits: u32,
 }
 
@@ -201,6 +215,6 @@ mod tests {
     #[test]
     fn no_code_makes_too_deep_a_tree() {
         let places = PRIMS_MAX.ilog2();
-        assert!(crate::math::morton::CODE_BITS + places < crate::tree::DEPTH_MAX);
+        assert!(CODE_BITS + places < crate::tree::DEPTH_MAX);
     }
 }

@@ -4,9 +4,6 @@
 //! that share its block of eight; so the least of those pairs is the least of all. A joined pair takes
 //! the place of its right member. No pair gets better by that: a box around more is no smaller. So who
 //! lost its partner looks again only when the pair it had would be the best of all.
-//!
-//! Tried and lost: one vector of indices beside the one of prices, picked together, compiled for the
-//! baseline: four times the instructions of storing prices and looking for the least one after.
 
 use super::super::bottom_up::{Below, Cluster};
 use crate::bounds::Aabb;
