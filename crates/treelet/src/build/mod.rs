@@ -8,6 +8,7 @@ mod bottom_up;
 pub mod clip;
 mod curve_leaves;
 mod curve_order;
+mod fill_leaves;
 mod groups;
 mod lanes;
 mod prim_ref;
@@ -114,7 +115,11 @@ catalogue! {
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
     lbvh::Lbvh,
+    hlbvh::Hlbvh,
+    ploc::Ploc,
     hploc::Hploc,
+    aac::Aac,
+    agglomerative::Agglomerative,
     split_sah::SplitSah,
 }
 
