@@ -12,6 +12,7 @@ mod groups;
 mod lanes;
 mod prim_ref;
 mod radix_sort;
+pub(crate) mod restructure;
 pub(crate) mod top_down;
 
 pub use clip::Clip;
@@ -115,6 +116,7 @@ catalogue! {
     binned_sah::BinnedSah,
     lbvh::Lbvh,
     hploc::Hploc,
+    trbvh::Trbvh,
     split_sah::SplitSah,
 }
 
