@@ -8,8 +8,8 @@
 //! What this does may be covered by US 2014/0365532 and US 2014/0365529 (NVIDIA); their legal state is
 //! unknown to us. No quality level uses it.
 
-use super::restructure::{LEAVES, restructure};
-use super::{BuildError, Builder, Info, Lbvh, check_option};
+use super::restructure::{LEAVES, Rounds, restructure};
+use super::{BuildError, Builder, Info, Lbvh, check_leaf_max, check_option};
 use crate::bounds::Aabb;
 use crate::context::Context;
 use crate::tree::Tree;
@@ -17,15 +17,15 @@ use crate::tree::Tree;
 /// Restructures the hierarchy of the Morton curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Trbvh {
-    /// Most primitives in a leaf before restructuring, in `1..=64`.
+    /// Most primitives in a leaf, in `1..=64`: so many cost what one does.
     pub leaf_max: u32,
     /// Rounds over the tree, in `0..=32`.
     pub rounds: u32,
 }
 
 impl Trbvh {
-    /// Three rounds over leaves of one.
-    pub const DEFAULT: Self = Self { leaf_max: 1, rounds: 3 };
+    /// Leaves of up to four, three rounds.
+    pub const DEFAULT: Self = Self { leaf_max: 4, rounds: 3 };
 }
 
 impl Builder for Trbvh {
@@ -39,7 +39,10 @@ impl Builder for Trbvh {
 
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
         check_option("rounds", f64::from(self.rounds), 0.0..=32.0, "0..=32")?;
-        let tree = Lbvh { leaf_max: self.leaf_max }.build(bounds, context)?;
-        restructure(tree, self.rounds, LEAVES as u32, context)
+        check_leaf_max(self.leaf_max)?;
+        let tree = Lbvh { leaf_max: 1 }.build(bounds, context)?;
+        let block = if self.leaf_max > 1 { self.leaf_max } else { 0 };
+        let rounds = Rounds { count: self.rounds, leaves_min: LEAVES as u32, block };
+        restructure(tree, rounds, context)
     }
 }

@@ -9,7 +9,7 @@
 //! unknown to us. No quality level uses it.
 
 use super::Optimizer;
-use crate::build::restructure::{LEAVES, restructure};
+use crate::build::restructure::{LEAVES, Rounds, restructure};
 use crate::build::{BuildError, Info, check_option};
 use crate::context::Context;
 use crate::tree::Tree;
@@ -41,6 +41,7 @@ impl Optimizer for Treelets {
     fn optimize(&self, tree: Tree, context: &Context<'_>) -> Result<Tree, BuildError> {
         check_option("rounds", f64::from(self.rounds), 0.0..=32.0, "0..=32")?;
         check_option("leaves_min", f64::from(self.leaves_min), 7.0..=1e6, "7..=1000000")?;
-        restructure(tree, self.rounds, self.leaves_min, context)
+        let Self { rounds: count, leaves_min } = *self;
+        restructure(tree, Rounds { count, leaves_min, block: 0 }, context)
     }
 }

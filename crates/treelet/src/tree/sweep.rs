@@ -92,6 +92,7 @@ pub(crate) struct Root {
     /// Its left child, which stays where it is, whatever it becomes.
     pub(crate) left: usize,
     pub(crate) bounds: Aabb,
+    pub(crate) leaves: u32,
     height: u16,
     depth: u16,
 }
@@ -304,6 +305,51 @@ impl Sweep {
         }
         Ok(Tree { nodes, prims })
     }
+
+    /// The same with a leaf for each subtree of up to `leaf_max` leaves, where these have one primitive
+    /// each.
+    pub(crate) fn into_tree_of(self, leaf_max: u32, cancel: &Cancel) -> Result<Tree, Stopped> {
+        let mut tree = Tree::default();
+        tree.prims = memory::try_with_capacity(self.prims.len(), "the tree's primitives")?;
+        let mut open = alloc::vec![(0, 0)];
+        tree.nodes.push(self.slots[0].node);
+        while let Some((from, to)) = open.pop() {
+            cancel.check()?;
+            let slot = self.slots[from];
+            match slot.left().filter(|_| slot.leaves > leaf_max) {
+                Some(left) => {
+                    let children = tree.nodes.len();
+                    tree.nodes[to] = Node::inner(slot.node.bounds, children);
+                    memory::try_reserve(&mut tree.nodes, 2, "the tree's nodes")?;
+                    tree.nodes.extend([slot.node; 2]);
+                    open.extend([(left + 1, children + 1), (left, children)]);
+                }
+                None => {
+                    let first = tree.prims.len();
+                    self.gather(from, &mut tree.prims);
+                    tree.nodes[to] = Node::leaf(slot.node.bounds, first, tree.prims.len() - first);
+                }
+            }
+        }
+        Ok(tree)
+    }
+
+    /// Adds the primitives below a node.
+    fn gather(&self, node: usize, prims: &mut Vec<u32>) {
+        let slot = &self.slots[node];
+        match slot.node.kind() {
+            Kind::Leaf { first, count } => {
+                prims.extend_from_slice(&self.prims[first..first + count])
+            }
+            Kind::Inner { .. } => {
+                let leaves = self.slots[slot.below()].iter().filter(|slot| slot.left().is_none());
+                for Slot { node, .. } in leaves {
+                    let (first, count) = (node.first as usize, node.count as usize);
+                    prims.extend_from_slice(&self.prims[first..first + count]);
+                }
+            }
+        }
+    }
 }
 
 /// The inner nodes of at least `leaves_min` leaves among some, by height; equal ones as they come.
@@ -313,6 +359,7 @@ fn roots(slots: impl Iterator<Item = (usize, Slot)>, leaves_min: u32) -> Vec<Roo
         at,
         left: slot.node.first as usize,
         bounds: slot.node.bounds,
+        leaves: slot.leaves,
         height: slot.height,
         depth: slot.depth,
     };

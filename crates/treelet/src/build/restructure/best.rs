@@ -1,15 +1,17 @@
 //! The cheapest binary tree over up to seven boxes, for eight sets of boxes at once.
 //!
 //! Source: Karras and Aila 2013, section 3.2. The cost of a set is its area and the least that two
-//! parts of it cost together; a set's parts have smaller numbers, so one pass over the numbers knows
-//! all that it needs. A tree's cost is the sum of its inner nodes' areas: what hangs at the treelet's
-//! edge costs the same in every tree.
+//! parts of it cost together, or only its area if its primitives are few enough to be tested at once; a
+//! set's parts have smaller numbers, so one pass over the numbers knows all that it needs. What hangs at
+//! the treelet's edge and is larger than such a block costs the same in every tree, so it counts as
+//! nothing.
 //!
 //! Differs from the paper: lanes are treelets, so every load, sum and minimum is one of whole vectors.
 //!
 //! Cost: 127 areas and 966 pairs of parts.
 
 use super::treelet::LEAVES;
+use crate::simd::{Floats, Kernel, Simd};
 
 /// Treelets side by side.
 pub(super) const LANES: usize = 8;
@@ -20,105 +22,110 @@ const SETS: usize = 1 << LEAVES;
 /// The ways to part a set in two, of all sets together: (3^7 - 2 * 2^7 + 1) / 2.
 const PARTS: usize = 966;
 
-type Lanes = [f32; LANES];
-
-/// A box in every lane: the least corner, then the greatest.
+/// A number of each treelet.
 #[derive(Clone, Copy)]
-struct Box8 {
-    lo: [Lanes; 3],
-    hi: [Lanes; 3],
+#[repr(C, align(32))]
+struct Lanes([f32; LANES]);
+
+impl Lanes {
+    const ZERO: Self = Self([0.0; LANES]);
 }
 
-impl Box8 {
-    const POINT: Self = Self { lo: [[0.0; LANES]; 3], hi: [[0.0; LANES]; 3] };
-
-    #[inline(always)]
-    fn union(&self, other: &Self) -> Self {
-        let mut out = *self;
-        for axis in 0..3 {
-            for lane in 0..LANES {
-                let (lo, hi) = (other.lo[axis][lane], other.hi[axis][lane]);
-                let (a, b) = (&mut out.lo[axis][lane], &mut out.hi[axis][lane]);
-                *a = if lo < *a { lo } else { *a };
-                *b = if hi > *b { hi } else { *b };
-            }
-        }
-        out
-    }
-
-    #[inline(always)]
-    fn half_area(&self) -> Lanes {
-        let mut out = [0.0; LANES];
-        for lane in 0..LANES {
-            let x = self.hi[0][lane] - self.lo[0][lane];
-            let y = self.hi[1][lane] - self.lo[1][lane];
-            let z = self.hi[2][lane] - self.lo[2][lane];
-            out[lane] = x * y + y * z + z * x;
-        }
-        out
-    }
-}
-
-/// What every set of every treelet costs.
+/// The sets of each treelet, and what they cost.
 pub(super) struct Sets {
-    leaves: [Box8; LEAVES],
+    /// Of each leaf: the least corner, the greatest, and how many primitives are in it.
+    leaves: [[Lanes; 7]; LEAVES],
     costs: [Lanes; SETS],
+    /// What two parts of a set cost together at least.
+    least: [Lanes; SETS],
+    /// Sets of up to so many primitives are tested at once.
+    block: f32,
 }
 
 impl Sets {
-    pub(super) fn new() -> Self {
-        Self { leaves: [Box8::POINT; LEAVES], costs: [[0.0; LANES]; SETS] }
-    }
-
-    /// Says where a leaf of a treelet is, in units of about the treelet's size.
-    pub(super) fn put(&mut self, lane: usize, leaf: usize, lo: [f32; 3], hi: [f32; 3]) {
-        for axis in 0..3 {
-            self.leaves[leaf].lo[axis][lane] = lo[axis];
-            self.leaves[leaf].hi[axis][lane] = hi[axis];
+    pub(super) fn new(block: u32) -> Self {
+        Self {
+            leaves: [[Lanes::ZERO; 7]; LEAVES],
+            costs: [Lanes::ZERO; SETS],
+            least: [Lanes::ZERO; SETS],
+            block: block as f32,
         }
     }
 
-    /// Finds the cost of every set.
-    pub(super) fn solve(&mut self) {
-        // By its lowest bit, the box of the set that was looked at last; a set without its lowest bit
-        // is that for its own, since only sets with lower bits come between the two.
-        let mut boxes = [Box8::POINT; LEAVES];
-        for set in 1..SETS {
-            let (leaf, rest) = (set.trailing_zeros() as usize % LEAVES, set & (set - 1));
-            if rest == 0 {
-                boxes[leaf] = self.leaves[leaf];
-                continue;
-            }
-            let around = boxes[rest.trailing_zeros() as usize % LEAVES];
-            boxes[leaf] = around.union(&self.leaves[leaf]);
-            let area = boxes[leaf].half_area();
-            let least = self.least(set);
-            for lane in 0..LANES {
-                self.costs[set][lane] = area[lane] + least[lane];
-            }
+    /// Says where a leaf of a treelet is, in units of about the treelet's size, and what is below.
+    pub(super) fn put(&mut self, [lane, leaf]: [usize; 2], [lo, hi]: [[f32; 3]; 2], prims: u32) {
+        let numbers = [lo[0], lo[1], lo[2], hi[0], hi[1], hi[2], prims as f32];
+        for (lanes, number) in self.leaves[leaf].iter_mut().zip(numbers) {
+            lanes.0[lane] = number;
         }
+        // What is larger than a block costs the same wherever it is.
+        let [x, y, z] = [hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]];
+        let fits = prims as f32 <= self.block;
+        self.costs[1 << leaf].0[lane] = if fits { x * y + y * z + z * x } else { 0.0 };
     }
 
-    /// The least that two parts of a set cost together.
-    #[inline(always)]
-    fn least(&self, set: usize) -> Lanes {
-        let mut least = [f32::INFINITY; LANES];
-        for &[a, b] in parts(set) {
-            let (a, b) = (&self.costs[usize::from(a) % SETS], &self.costs[usize::from(b) % SETS]);
-            for lane in 0..LANES {
-                let sum = a[lane] + b[lane];
-                least[lane] = if sum < least[lane] { sum } else { least[lane] };
-            }
-        }
-        least
+    /// What the best tree over a set costs.
+    pub(super) fn cost(&self, lane: usize, set: usize) -> f32 {
+        self.costs[set % SETS].0[lane]
     }
 
     /// The two parts of a set that cost least together; the first ones of several.
     pub(super) fn split(&self, lane: usize, set: usize) -> [usize; 2] {
-        let cost = |part: u8| self.costs[usize::from(part) % SETS][lane];
-        let sum = |&&[a, b]: &&[u8; 2]| cost(a) + cost(b);
-        let best = parts(set).iter().min_by(|a, b| sum(a).total_cmp(&sum(b)));
-        best.map_or([0, 0], |parts| parts.map(usize::from))
+        let least = self.least[set % SETS].0[lane];
+        let cost = |part: u8| self.cost(lane, usize::from(part));
+        // The very sum that was the least.
+        let parts = parts(set).iter().find(|&&[a, b]| cost(a) + cost(b) == least);
+        parts.map_or([0, 0], |parts| parts.map(usize::from))
+    }
+}
+
+/// Finds the cost of every set of two leaves or more.
+pub(super) struct Solve<'a>(pub(super) &'a mut Sets);
+
+impl Kernel for Solve<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self(sets) = self;
+        let load = |lanes: &Lanes| S::F8::load(simd, &lanes.0);
+        let block = S::F8::splat(simd, sets.block);
+        // By its lowest bit, the set that was looked at last; a set without its lowest bit is that for
+        // its own, since only sets with lower bits come between the two.
+        let mut around = [[Lanes::ZERO; 7]; LEAVES];
+        for set in 1..SETS {
+            let (leaf, rest) = (set.trailing_zeros() as usize % LEAVES, set & (set - 1));
+            if rest == 0 {
+                around[leaf] = sets.leaves[leaf];
+                continue;
+            }
+            let (rest, more) = (around[rest.trailing_zeros() as usize % LEAVES], sets.leaves[leaf]);
+            let lo = |axis: usize| load(&rest[axis]).min(load(&more[axis]));
+            let hi = |axis: usize| load(&rest[3 + axis]).max(load(&more[3 + axis]));
+            let (lo, hi) = ([lo(0), lo(1), lo(2)], [hi(0), hi(1), hi(2)]);
+            let prims = load(&rest[6]).add(load(&more[6]));
+            let here = &mut around[leaf];
+            for axis in 0..3 {
+                here[axis] = Lanes(lo[axis].lanes());
+                here[3 + axis] = Lanes(hi[axis].lanes());
+            }
+            here[6] = Lanes(prims.lanes());
+
+            // The least that two parts cost together.
+            let mut least = S::F8::splat(simd, f32::INFINITY);
+            for &[a, b] in parts(set) {
+                let a = load(&sets.costs[usize::from(a) % SETS]);
+                let b = load(&sets.costs[usize::from(b) % SETS]);
+                least = a.add(b).min(least);
+            }
+            sets.least[set] = Lanes(least.lanes());
+
+            let [x, y, z] = [hi[0].sub(lo[0]), hi[1].sub(lo[1]), hi[2].sub(lo[2])];
+            let area = x.mul(y).add(y.mul(z)).add(z.mul(x));
+            // What fits into a block costs its area alone, and that is less.
+            let cost = area.min_where(prims.le(block), area.add(least));
+            sets.costs[set] = Lanes(cost.lanes());
+        }
     }
 }
 

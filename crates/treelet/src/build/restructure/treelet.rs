@@ -11,6 +11,10 @@ pub(crate) const LEAVES: usize = 7;
 /// A treelet changes only if that saves more than this share of its root's area: less is rounding.
 const NOISE: f64 = 1e-9;
 
+/// What it must seem to save before it is looked at closer, as a share of its cost: some roundings in
+/// f32.
+const HOPE: f32 = 1e-6;
+
 /// A node and its largest descendants.
 #[derive(Clone, Copy)]
 pub(super) struct Treelet {
@@ -19,8 +23,12 @@ pub(super) struct Treelet {
     count: usize,
     /// Where the pairs of siblings between the root and the edge lie, the root's children first.
     pairs: [usize; LEAVES - 1],
-    /// The areas of the nodes in between.
-    area: f64,
+    /// Subtrees of up to so many leaves cost what a block does, their area.
+    block: u32,
+    /// What it costs, but for the root's area and what is below the edge.
+    cost: f64,
+    /// A tree must cost less in f32 to be looked at, in the units of [`Treelet::load`], with the root.
+    hope: f32,
 }
 
 /// A node of a treelet to be: its children, each a leaf's number or that of a planned node after
@@ -28,21 +36,30 @@ pub(super) struct Treelet {
 type Planned = [usize; 2];
 
 impl Treelet {
-    pub(super) const NONE: Self =
-        Self { leaves: [None; LEAVES], count: 0, pairs: [0; LEAVES - 1], area: 0.0 };
+    pub(super) const NONE: Self = Self {
+        leaves: [None; LEAVES],
+        count: 0,
+        pairs: [0; LEAVES - 1],
+        block: 0,
+        cost: 0.0,
+        hope: 0.0,
+    };
 
     /// Opens the largest node at the edge until there are enough; of equal ones the first.
-    pub(super) fn form(below: &Below<'_>, root: &Root) -> Self {
-        let mut treelet = Self::NONE;
+    pub(super) fn form(below: &Below<'_>, root: &Root, block: u32) -> Self {
+        let mut treelet = Self { block, ..Self::NONE };
         let mut areas = [f64::NEG_INFINITY; LEAVES];
-        let mut open = (0, root.left);
+        let mut open = (0, root.left, root.leaves);
         loop {
-            let (at, left) = open;
+            let (at, left, leaves) = open;
             treelet.pairs[treelet.count.saturating_sub(1)] = left;
             for (leaf, child) in [(at, left), (treelet.count.max(1), left + 1)] {
                 let slot = *below.at(child);
                 treelet.leaves[leaf] = Some(slot);
                 areas[leaf] = slot.node.bounds.half_area();
+                if leaves > block && slot.leaves <= block {
+                    treelet.cost += areas[leaf];
+                }
             }
             treelet.count = treelet.count.max(1) + 1;
             if treelet.count == LEAVES {
@@ -51,21 +68,21 @@ impl Treelet {
             let mut largest = None;
             let mut most = f64::NEG_INFINITY;
             for leaf in 0..treelet.count {
-                let Some(left) = treelet.leaves[leaf].and_then(|slot| slot.left()) else {
-                    continue;
-                };
+                let Some(slot) = treelet.leaves[leaf] else { continue };
+                let Some(left) = slot.left() else { continue };
                 if areas[leaf] > most {
-                    (largest, most) = (Some((leaf, left)), areas[leaf]);
+                    (largest, most) = (Some((leaf, left, slot.leaves)), areas[leaf]);
                 }
             }
             let Some(next) = largest else { return treelet };
-            treelet.area += most;
+            // A block is counted already, what is in it is not.
+            treelet.cost += if next.2 > block { most } else { 0.0 };
             open = next;
         }
     }
 
     /// Shows its edge to who finds the best tree, in units of the root's longest edge.
-    pub(super) fn load(&self, root: &Root, sets: &mut Sets, lane: usize) {
+    pub(super) fn load(&mut self, root: &Root, sets: &mut Sets, lane: usize) {
         let origin = root.bounds.lo.map(f64::from);
         let [x, y, z] = root.bounds.extent();
         let unit = 1.0 / f64::from(x.max(y).max(z)).max(f64::MIN_POSITIVE);
@@ -76,8 +93,9 @@ impl Treelet {
                 units[0][axis] = ((f64::from(lo[axis]) - origin[axis]) * unit) as f32;
                 units[1][axis] = ((f64::from(hi[axis]) - origin[axis]) * unit) as f32;
             }
-            sets.put(lane, leaf, units[0], units[1]);
+            sets.put([lane, leaf], units, slot.leaves);
         }
+        self.hope = ((self.cost + root.bounds.half_area()) * unit * unit) as f32 * (1.0 - HOPE);
     }
 
     /// Puts the best tree in its place if it is better, and not too deep; returns what that saves.
@@ -88,24 +106,35 @@ impl Treelet {
         sets: &Sets,
         lane: usize,
     ) -> f64 {
+        // Most treelets are as good as can be after a round.
+        let seems_better = sets.cost(lane, (1 << self.count) - 1) < self.hope;
+        if !seems_better {
+            return 0.0;
+        }
+
         // Put subtrees together from below.
         let (planned, inner) = self.plan(sets, lane);
         let mut slots = [None; LEAVES + LEAVES - 1];
         slots[..LEAVES].copy_from_slice(&self.leaves);
-        let mut area = 0.0;
+        let mut cost = 0.0;
         for (at, parts) in planned[..inner].iter().enumerate().rev() {
             let [Some(a), Some(b)] = parts.map(|part| slots[part]) else { return 0.0 };
             let slot = Slot::around(self.pairs[at], [&a, &b]);
-            area += slot.node.bounds.half_area();
             slots[LEAVES + at] = Some(slot);
+            // A node costs its area, a block too; what is in a block costs nothing.
+            for (part, below) in parts.iter().zip([a, b]) {
+                let counts = *part >= LEAVES || below.leaves <= self.block;
+                if counts && slot.leaves > self.block {
+                    cost += below.node.bounds.half_area();
+                }
+            }
         }
 
         // Keep it if it is better.
         let Some(top) = slots[LEAVES] else { return 0.0 };
-        let root_area = root.bounds.half_area();
-        let gain = self.area - (area - root_area);
+        let gain = self.cost - cost;
         // Not so where areas are infinite, either.
-        let is_better = gain > NOISE * root_area;
+        let is_better = gain > NOISE * root.bounds.half_area();
         if !is_better || !root.has_room(0, &top) {
             return 0.0;
         }
