@@ -6,11 +6,12 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 use treelet::bounds::Aabb;
-use treelet::scene::LayoutChoice;
+use treelet::scene::{LayoutChoice, Recipe};
 use treelet::tree::SahConstants;
 use treelet::{BuildOptions, Invalid};
 use treelet_model::PlacedModel;
 
+use crate::arguments::{RecipeParser, recipes};
 use crate::duplicates;
 use crate::ending::{Ending, Failure};
 use crate::input::{Input, SceneFlags};
@@ -23,6 +24,10 @@ use crate::text;
 pub(crate) struct Flags {
     /// A scene file: glTF, OBJ, PLY, STL, OFF or pbrt, also as .gz or .zst [default: the built-in scene].
     scene: Option<PathBuf>,
+
+    /// Builders to look at, perhaps with optimisers after them: "sweep-sah,lbvh+treelets" [default: all].
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = RecipeParser)]
+    builders: Vec<Recipe>,
 
     #[command(flatten)]
     scene_flags: SceneFlags,
@@ -67,7 +72,7 @@ struct Constants {
 /// What a builder made.
 #[derive(Serialize)]
 struct TreeReport {
-    builder: &'static str,
+    builder: String,
     /// From meshes to a scene that answers.
     seconds: f64,
     nodes: u64,
@@ -104,12 +109,11 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     // Build with each builder in turn; the counts of defects are the same for all.
     let mut builders = Vec::new();
     let mut facts = Facts::default();
-    for &builder in treelet::build::ALL {
-        let options =
-            BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
+    for recipe in recipes(flags.builders) {
+        let options = BuildOptions { invalid: Invalid::Skip, ..recipe.options() };
         let start = Instant::now();
         let placed = input.build(&options, session)?;
-        builders.push(tree_report(&placed, builder.info().name, start.elapsed()));
+        builders.push(tree_report(&placed, recipe.name(), start.elapsed()));
         facts = Facts::of(&placed);
     }
 
@@ -190,10 +194,10 @@ impl Facts {
 }
 
 /// Adds up the trees of all levels.
-fn tree_report(placed: &PlacedModel, builder: &'static str, time: Duration) -> TreeReport {
+fn tree_report(placed: &PlacedModel, builder: &str, time: Duration) -> TreeReport {
     let instanced = placed.scene.instances() > 0;
     let mut tree = TreeReport {
-        builder,
+        builder: builder.to_owned(),
         seconds: time.as_secs_f64(),
         nodes: 0,
         leaves: 0,

@@ -13,6 +13,7 @@ mod groups;
 mod lanes;
 mod prim_ref;
 mod radix_sort;
+pub(crate) mod restructure;
 pub(crate) mod top_down;
 
 pub use clip::Clip;
@@ -120,6 +121,7 @@ catalogue! {
     hploc::Hploc,
     aac::Aac,
     agglomerative::Agglomerative,
+    trbvh::Trbvh,
     split_sah::SplitSah,
 }
 

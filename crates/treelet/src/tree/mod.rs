@@ -5,6 +5,7 @@
 //! a reverse sweep sees children before parents, and nothing is a pointer.
 
 pub mod cost;
+pub(crate) mod sweep;
 pub mod validate;
 
 pub use cost::{SahConstants, TreeStats};
