@@ -1,11 +1,13 @@
 //! `treelet inspect`: one screen about a scene and the trees that each builder makes of it; or the
 //! measures of those trees.
 
+mod bounds;
 mod fit;
 mod flat;
 mod metrics;
 mod plot;
 mod trace_time;
+mod walk;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -38,6 +40,10 @@ pub(crate) struct Flags {
 
     #[command(flatten)]
     metrics: MetricsFlags,
+
+    /// Compare bounding volumes on this scene: how tight, how fast to test, how often wrong.
+    #[arg(long, conflicts_with = "metrics")]
+    bounds: bool,
 }
 
 #[derive(Serialize)]
@@ -116,6 +122,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         return Err(Failure::Usage(format!("{second}: several scenes at once need --metrics")));
     }
     let input = Input::load(flags.scenes.first(), &flags.scene_flags, session)?;
+    if flags.bounds {
+        return bounds::run(&input, session);
+    }
     overview(input, session)
 }
 

@@ -19,7 +19,7 @@ const MODELS: [(&str, &[usize]); 3] =
 #[derive(Clone, Debug)]
 pub(super) struct Row {
     pub(super) scene: String,
-    pub(super) kind: &'static str,
+    pub(super) kind: String,
     pub(super) variant: String,
     /// SAH, EPO, LCV.
     pub(super) measures: [f64; 3],
@@ -31,7 +31,7 @@ pub(super) struct Row {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Fit {
     pub(super) scene: String,
-    pub(super) kind: &'static str,
+    pub(super) kind: String,
     pub(super) model: &'static str,
     /// Nanoseconds for each unit of SAH, EPO and LCV.
     weights: [f64; 3],
@@ -55,7 +55,7 @@ pub(super) struct Point {
 /// each scene.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Shared {
-    kind: &'static str,
+    kind: String,
     /// That with the least error.
     epo_weight: f64,
     /// The mean relative error with that weight.
@@ -76,7 +76,7 @@ pub(super) fn fits(rows: &[Row]) -> Vec<Fit> {
             let errors = points.iter().map(|point| (point.predicted / point.measured - 1.0).abs());
             fits.push(Fit {
                 scene: group[0].scene.clone(),
-                kind: group[0].kind,
+                kind: group[0].kind.clone(),
                 model,
                 weights: fitted,
                 correlation: correlation(&predicted, &measured),
@@ -181,13 +181,13 @@ fn correlation(x: &[f64], y: &[f64]) -> f64 {
 /// The best weight of EPO for all scenes together, by kind.
 pub(super) fn shared(rows: &[Row]) -> Vec<Shared> {
     let groups = groups(rows);
-    let mut kinds: Vec<&'static str> = Vec::new();
+    let mut kinds: Vec<&str> = Vec::new();
     for group in &groups {
-        if !kinds.contains(&group[0].kind) {
-            kinds.push(group[0].kind);
+        if !kinds.contains(&group[0].kind.as_str()) {
+            kinds.push(&group[0].kind);
         }
     }
-    let of_kind = |kind| {
+    let of_kind = |kind: &str| {
         let groups: Vec<_> = groups.iter().filter(|group| group[0].kind == kind).collect();
         let error = |weight: f64| {
             groups.iter().map(|group| scaled_error(group, weight)).sum::<f64>() / groups.len() as f64
@@ -195,7 +195,7 @@ pub(super) fn shared(rows: &[Row]) -> Vec<Shared> {
         let weights = (0..=100).map(|percent| f64::from(percent) / 100.0);
         let tried = weights.map(|weight| (weight, error(weight)));
         let best = tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
-        Shared { kind, epo_weight: best.0, error: best.1, error_of_sah: error(0.0) }
+        Shared { kind: kind.to_owned(), epo_weight: best.0, error: best.1, error_of_sah: error(0.0) }
     };
     kinds.into_iter().map(of_kind).collect()
 }
@@ -252,7 +252,7 @@ mod tests {
 
     fn row(measures: [f64; 3], nanoseconds: f64) -> Row {
         let variant = format!("{measures:?}");
-        Row { scene: "s".into(), kind: "k", variant, measures, nanoseconds }
+        Row { scene: "s".into(), kind: "k".into(), variant, measures, nanoseconds }
     }
 
     /// Times that are made of SAH and EPO are predicted by both, not by one.

@@ -1,12 +1,12 @@
 //! `treelet inspect --metrics`: the measures of every builder's tree, and how well they predict what
 //! rays take.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
 use clap::builder::PossibleValuesParser;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use treelet::tree::{Estimate, SahConstants, lines};
 
 use super::Constants;
@@ -49,6 +49,11 @@ pub(super) struct MetricsFlags {
     #[arg(long, requires = "metrics")]
     trace_time: bool,
 
+    /// With --trace-time: trees that earlier runs measured, from their JSON reports. They are told of
+    /// together with those of this run; without a scene, this run measures none.
+    #[arg(long, value_delimiter = ',', value_name = "FILE,..", requires = "trace_time")]
+    earlier: Vec<PathBuf>,
+
     /// With --trace-time: draw predicted against measured times into an SVG file.
     #[arg(long, value_name = "FILE", requires = "trace_time")]
     plot: Option<PathBuf>,
@@ -66,8 +71,14 @@ struct Report {
     shared: Vec<fit::Shared>,
 }
 
+/// What is needed of an earlier report.
+#[derive(Deserialize)]
+struct Earlier {
+    scenes: Vec<SceneReport>,
+}
+
 /// The trees of a scene.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 pub(super) struct SceneReport {
     scene: String,
     triangles: u64,
@@ -75,7 +86,7 @@ pub(super) struct SceneReport {
 }
 
 /// One tree.
-#[derive(Serialize)]
+#[derive(Serialize, Deserialize)]
 struct TreeReport {
     variant: String,
     /// From boxes to tree, by the wall's clock.
@@ -108,8 +119,14 @@ pub(super) fn run(
         fits: Vec::new(),
         shared: Vec::new(),
     };
-    let files: Vec<Option<&PathBuf>> =
-        if scenes.is_empty() { vec![None] } else { scenes.iter().map(Some).collect() };
+    for file in &flags.earlier {
+        report.scenes.extend(earlier(file)?);
+    }
+    report.scenes.iter().for_each(tell);
+    let mut files: Vec<Option<&PathBuf>> = scenes.iter().map(Some).collect();
+    if files.is_empty() && flags.earlier.is_empty() {
+        files.push(None);
+    }
     for file in files {
         let input = Input::load(file, scene_flags, session)?;
         let scene = measure(&input, flags, session)?;
@@ -127,6 +144,19 @@ pub(super) fn run(
         }
     }
     Outcome::new("inspect", &report, Ending::Done)
+}
+
+/// The scenes of an earlier report.
+fn earlier(file: &Path) -> Result<Vec<SceneReport>, Failure> {
+    let name = file.display();
+    let text = std::fs::read_to_string(file)
+        .map_err(|error| Failure::told(format!("{name}: {error}")))?;
+    let report: Earlier = serde_json::from_str(&text).map_err(|error| {
+        Failure::told(format!(
+            "{name}: {error}; it must be what `treelet inspect --metrics --trace-time --json` printed"
+        ))
+    })?;
+    Ok(report.scenes)
 }
 
 /// Builds and measures the trees of one scene.
@@ -206,7 +236,7 @@ fn rows(scenes: &[SceneReport]) -> Vec<Row> {
         for tree in &scene.trees {
             rows.extend(tree.times.iter().map(|times| Row {
                 scene: scene.scene.clone(),
-                kind: times.kind,
+                kind: times.kind.clone(),
                 variant: tree.variant.clone(),
                 measures: [tree.sah, tree.epo, tree.lcv],
                 nanoseconds: times.nanoseconds,
@@ -218,8 +248,8 @@ fn rows(scenes: &[SceneReport]) -> Vec<Row> {
 
 /// Prints the table of a scene.
 fn tell(scene: &SceneReport) {
-    let kinds: Vec<&str> =
-        scene.trees.first().map_or(Vec::new(), |tree| tree.times.iter().map(|t| t.kind).collect());
+    let times = scene.trees.first().map_or(&[][..], |tree| &tree.times);
+    let kinds: Vec<&str> = times.iter().map(|times| times.kind.as_str()).collect();
     say(&format!(
         "\n  {}: {} (SAH and EPO with a visit and a triangle at 1)",
         scene.scene,

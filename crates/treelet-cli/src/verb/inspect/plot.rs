@@ -135,7 +135,7 @@ mod tests {
     fn every_tree_is_a_dot_in_every_panel() {
         let row = |variant: &str, sah, epo, nanoseconds| fit::Row {
             scene: "a<b".into(),
-            kind: "diffuse",
+            kind: "diffuse".into(),
             variant: variant.into(),
             measures: [sah, epo, 1.0],
             nanoseconds,

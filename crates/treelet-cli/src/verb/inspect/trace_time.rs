@@ -1,6 +1,6 @@
 //! How long rays take through each of several trees: one thread, one ray a call, the trees in turn.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use treelet::{BuildOptions, Scene};
 use treelet_bench::check;
 use treelet_bench::crew::{Clock, Crew};
@@ -25,9 +25,9 @@ const RAYS: usize = 1 << 17;
 const ROUNDS: Rounds = Rounds { count: 9, seconds: 0.08 };
 
 /// How long rays of a kind take.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Times {
-    pub(super) kind: &'static str,
+    pub(super) kind: String,
     /// A ray, the median of the rounds, by the processor's clock.
     pub(super) nanoseconds: f64,
     /// Largest less smallest, of the median.
@@ -84,7 +84,7 @@ pub(super) fn measure(
         }
         for (times, seconds) in times.iter_mut().zip(seconds) {
             let nanoseconds = 1e9 * median(&seconds) / rays.len().max(1) as f64;
-            times.push(Times { kind: kind.name(), nanoseconds, spread: spread(&seconds) });
+            times.push(Times { kind: kind.name().to_owned(), nanoseconds, spread: spread(&seconds) });
         }
     }
     Ok(times)
