@@ -2,8 +2,10 @@
 //!
 //! Source: T. Aila, T. Karras, S. Laine, "On Quality Metrics of Bounding Volume Hierarchies", HPG
 //! 2013: the time of a ray as a weighted sum of SAH, EPO and LCV, the weights fitted for each scene.
-//! Differs from it: weights are not negative, there is no constant term, and the sum of squared
-//! *relative* errors is what is least. Besides the correlation, which grows with every measure that
+//! Differs from it: no weight is negative, a constant stands for what a ray costs in any tree, and
+//! the sum of squared *relative* errors is what is least. (Without the constant, EPO's weight came out
+//! as 0 for a kitchen whose worst tree has 3.7 times the SAH of its best, 9 times the EPO, and 2.3
+//! times the time.) Besides the correlation, which grows with every measure that
 //! is added, it tells the error for trees that the fit has not seen: each tree in turn is left out,
 //! with those that measure exactly the same, and predicted from the others.
 
@@ -11,9 +13,12 @@ use serde::Serialize;
 
 use crate::session::say;
 
-/// The measures that predict, by index into [`Row::measures`].
+/// What predicts, by index into [`Row::terms`].
 const MODELS: [(&str, &[usize]); 3] =
-    [("SAH", &[0]), ("SAH+EPO", &[0, 1]), ("SAH+EPO+LCV", &[0, 1, 2])];
+    [("SAH", &[0, 1]), ("SAH+EPO", &[0, 1, 2]), ("SAH+EPO+LCV", &[0, 1, 2, 3])];
+
+/// A constant, SAH, EPO, LCV.
+const TERMS: usize = 4;
 
 /// A tree, and the rays of one kind through it.
 #[derive(Clone, Debug)]
@@ -27,14 +32,22 @@ pub(super) struct Row {
     pub(super) nanoseconds: f64,
 }
 
+impl Row {
+    /// What may be weighted.
+    fn terms(&self) -> [f64; TERMS] {
+        let [sah, epo, lcv] = self.measures;
+        [1.0, sah, epo, lcv]
+    }
+}
+
 /// What one model makes of one scene and kind.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Fit {
     pub(super) scene: String,
     pub(super) kind: String,
     pub(super) model: &'static str,
-    /// Nanoseconds for each unit of SAH, EPO and LCV.
-    weights: [f64; 3],
+    /// Nanoseconds for any ray, and for each unit of SAH, EPO and LCV.
+    weights: [f64; TERMS],
     /// Pearson's r of fitted and measured times.
     correlation: f64,
     /// The mean relative error for trees left out.
@@ -51,8 +64,8 @@ pub(super) struct Point {
     pub(super) measured: f64,
 }
 
-/// One weight for all scenes: time goes with `(1 - epo_weight) SAH + epo_weight EPO`, a factor for
-/// each scene.
+/// One weight for all scenes: time goes with `(1 - epo_weight) SAH + epo_weight EPO`, a factor and a
+/// constant for each scene.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Shared {
     kind: String,
@@ -109,14 +122,15 @@ fn left_out(group: &[&Row], row: &Row, measures: &[usize]) -> Point {
     Point { variant: row.variant.clone(), predicted, measured: row.nanoseconds }
 }
 
-fn predict(weights: &[f64; 3], row: &Row) -> f64 {
-    (0..3).map(|i| weights[i] * row.measures[i]).sum()
+fn predict(weights: &[f64; TERMS], row: &Row) -> f64 {
+    let terms = row.terms();
+    (0..TERMS).map(|i| weights[i] * terms[i]).sum()
 }
 
 /// Weights, none negative, for the least sum of squared relative errors: of all choices of measures
 /// that may count, the best whose weights turn out not negative.
-fn weights(rows: &[&Row], measures: &[usize]) -> [f64; 3] {
-    let mut best = (f64::INFINITY, [0.0; 3]);
+fn weights(rows: &[&Row], measures: &[usize]) -> [f64; TERMS] {
+    let mut best = (f64::INFINITY, [0.0; TERMS]);
     for chosen in 1_usize..1 << measures.len() {
         let columns: Vec<usize> =
             measures.iter().enumerate().filter(|(bit, _)| chosen >> bit & 1 == 1).map(|(_, &m)| m).collect();
@@ -134,34 +148,35 @@ fn weights(rows: &[&Row], measures: &[usize]) -> [f64; 3] {
 }
 
 /// Weights of some measures by the normal equations; `None` where they do not determine them.
-fn least_squares(rows: &[&Row], columns: &[usize]) -> Option<[f64; 3]> {
+fn least_squares(rows: &[&Row], columns: &[usize]) -> Option<[f64; TERMS]> {
     let n = columns.len();
     // The equations, and in the last column what they shall give.
-    let mut equations = [[0.0; 4]; 3];
+    let mut equations = [[0.0; TERMS + 1]; TERMS];
     for row in rows {
-        let x = |i: usize| row.measures[columns[i]] / row.nanoseconds;
+        let terms = row.terms();
+        let x = |i: usize| terms[columns[i]] / row.nanoseconds;
         for i in 0..n {
             (0..n).for_each(|j| equations[i][j] += x(i) * x(j));
-            equations[i][3] += x(i);
+            equations[i][TERMS] += x(i);
         }
     }
     // Eliminate; the matrix is positive, so the diagonal does for pivots.
     /// A pivot that has lost this share of itself is noise.
     const SINGULAR: f64 = 1e-12;
-    let diagonal = [0, 1, 2].map(|i: usize| equations[i][i]);
+    let diagonal = [0, 1, 2, 3].map(|i: usize| equations[i][i]);
     for i in 0..n {
         if equations[i][i] <= SINGULAR * diagonal[i] {
             return None;
         }
         for below in i + 1..n {
             let share = equations[below][i] / equations[i][i];
-            (0..4).for_each(|j| equations[below][j] -= share * equations[i][j]);
+            (0..=TERMS).for_each(|j| equations[below][j] -= share * equations[i][j]);
         }
     }
-    let mut weights = [0.0; 3];
+    let mut weights = [0.0; TERMS];
     for i in (0..n).rev() {
         let known: f64 = (i + 1..n).map(|j| equations[i][j] * weights[columns[j]]).sum();
-        weights[columns[i]] = (equations[i][3] - known) / equations[i][i];
+        weights[columns[i]] = (equations[i][TERMS] - known) / equations[i][i];
     }
     Some(weights)
 }
@@ -200,14 +215,21 @@ pub(super) fn shared(rows: &[Row]) -> Vec<Shared> {
     kinds.into_iter().map(of_kind).collect()
 }
 
-/// The mean relative error of a scene's trees under one weight, with the best factor for the scene.
+/// The mean relative error of a scene's trees under one weight, with the best constant and factor
+/// for the scene.
 fn scaled_error(group: &[&Row], weight: f64) -> f64 {
-    let relative = |row: &&Row| {
-        ((1.0 - weight) * row.measures[0] + weight * row.measures[1]) / row.nanoseconds
-    };
-    let ratios: Vec<f64> = group.iter().map(relative).collect();
-    let factor = ratios.iter().sum::<f64>() / ratios.iter().map(|r| r * r).sum::<f64>();
-    ratios.iter().map(|ratio| (factor * ratio - 1.0).abs()).sum::<f64>() / ratios.len() as f64
+    let joined: Vec<Row> = group
+        .iter()
+        .map(|row| {
+            let [sah, epo, _] = row.measures;
+            let joined = (1.0 - weight) * sah + weight * epo;
+            Row { measures: [joined, 0.0, 0.0], ..(*row).clone() }
+        })
+        .collect();
+    let joined: Vec<&Row> = joined.iter().collect();
+    let fitted = weights(&joined, MODELS[0].1);
+    let errors = joined.iter().map(|row| (predict(&fitted, row) / row.nanoseconds - 1.0).abs());
+    errors.sum::<f64>() / joined.len() as f64
 }
 
 /// Prints a table for each kind of ray.
@@ -228,7 +250,7 @@ pub(super) fn tell(fits: &[Fit], shared: &[Shared]) {
                 mean.1 += fit.error / scenes as f64;
             }
             let cells: String = fits.iter().map(|fit| cell(fit.correlation, fit.error)).collect();
-            let [sah, epo, _] = fits[1].weights;
+            let [_, sah, epo, _] = fits[1].weights;
             say(&format!("  {:18}{cells}   {:>12.2}", fits[0].scene, epo / (sah + epo)));
         }
         let cells: String = means.iter().map(|&(r, error)| cell(r, error)).collect();
@@ -258,35 +280,41 @@ mod tests {
     /// Times that are made of SAH and EPO are predicted by both, not by one.
     #[test]
     fn weights_are_found_again() {
-        let made = |sah: f64, epo: f64, lcv: f64| row([sah, epo, lcv], 3.0 * sah + 7.0 * epo);
+        let made = |sah: f64, epo: f64, lcv: f64| row([sah, epo, lcv], 20.0 + 3.0 * sah + 7.0 * epo);
         let rows = [
             made(10.0, 3.0, 1.0),
             made(12.0, 1.0, 2.0),
             made(20.0, 9.0, 1.5),
             made(9.0, 5.0, 4.0),
             made(15.0, 2.0, 0.5),
+            made(11.0, 4.0, 2.5),
         ];
         let fits = fits(&rows);
-        assert!(fits[0].error > 0.05 && fits[0].correlation < 0.99, "{:?}", fits[0]);
+        assert!(fits[0].error > 0.03 && fits[0].correlation < 0.99, "{:?}", fits[0]);
         for fit in &fits[1..] {
-            assert!(fit.error < 1e-9 && fit.correlation > 1.0 - 1e-9, "{fit:?}");
-            let expected = [3.0, 7.0, 0.0];
-            assert!((0..3).all(|i| (fit.weights[i] - expected[i]).abs() < 1e-6), "{fit:?}");
+            assert!(fit.error < 1e-6 && fit.correlation > 1.0 - 1e-6, "{fit:?}");
+            let expected = [20.0, 3.0, 7.0, 0.0];
+            assert!((0..4).all(|i| (fit.weights[i] - expected[i]).abs() < 1e-4), "{fit:?}");
         }
         let shared = &shared(&rows)[0];
-        assert!((shared.epo_weight - 0.7).abs() < 1e-9 && shared.error < 1e-9, "{shared:?}");
+        assert!((shared.epo_weight - 0.7).abs() < 1e-9 && shared.error < 1e-6, "{shared:?}");
     }
 
     #[test]
     fn weights_are_not_negative_and_a_tree_is_not_predicted_from_itself() {
-        let rows = [row([1.0, 9.0, 0.0], 10.0), row([2.0, 1.0, 0.0], 20.0), row([3.0, 0.5, 0.0], 31.0)];
+        let rows = [
+            row([1.0, 9.0, 0.0], 10.0),
+            row([2.0, 1.0, 0.0], 20.0),
+            row([3.0, 0.5, 0.0], 31.0),
+            row([4.0, 0.1, 0.0], 45.0),
+        ];
         let fits = fits(&rows);
         assert!(fits.iter().all(|fit| fit.weights.iter().all(|&weight| weight >= 0.0)), "{fits:?}");
         // The twin of the odd one must not help.
         let odd = row([1.0, 1.0, 1.0], 100.0);
         let with_twins = [odd.clone(), odd, row([1.0, 2.0, 0.0], 10.0), row([2.0, 1.0, 0.0], 20.0)];
         let fit = &super::fits(&with_twins)[0];
-        assert!((fit.points[0].predicted - 10.0).abs() < 1e-9, "{fit:?}");
+        assert!((fit.points[0].predicted - 10.0).abs() < 1e-6, "{fit:?}");
     }
 
     #[test]

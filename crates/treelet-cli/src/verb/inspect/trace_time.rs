@@ -21,8 +21,8 @@ const KINDS: [Kind; 3] = [Kind::Primary, Kind::Occlusion, Kind::Diffuse];
 /// Rays of each kind.
 const RAYS: usize = 1 << 17;
 
-/// Rounds, and seconds of each tree in each.
-const ROUNDS: Rounds = Rounds { count: 9, seconds: 0.08 };
+/// Rounds that count.
+const ROUNDS: usize = 9;
 
 /// How long rays of a kind take.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -34,11 +34,12 @@ pub(super) struct Times {
     spread: f64,
 }
 
-/// By variant, then by kind.
+/// By variant, then by kind; in each round each tree is traced for `seconds` at least.
 pub(super) fn measure(
     triangles: &Triangles,
     up: usize,
     variants: &[&str],
+    seconds: f64,
     line: &Line,
     session: &Session,
 ) -> Result<Vec<Vec<Times>>, Failure> {
@@ -78,7 +79,7 @@ pub(super) fn measure(
             }
         }
         let stop = || session.cancel.is_cancelled();
-        let seconds = rounds::measure(&crew, &works, ROUNDS, &stop);
+        let seconds = rounds::measure(&crew, &works, Rounds { count: ROUNDS, seconds }, &stop);
         if stop() {
             return Err(Failure::Cancelled);
         }
