@@ -2,7 +2,7 @@
 //! counted twice.
 
 use treelet::bounds::Aabb;
-use treelet::build::{BinnedSah, Builder, Clip, SplitSah};
+use treelet::build::{BinnedSah, Builder, Clip, Sbvh};
 use treelet::geometry::clip::clipped_bounds;
 use treelet::tree::{DEPTH_MAX, Kind, SahConstants, Tree, TreeError};
 use treelet::verify::{self, BruteForce, Random};
@@ -12,7 +12,7 @@ use treelet_testkit::{Shape, awkward, closed};
 const SEED: u64 = 0x5B117;
 
 /// Splits whatever it can.
-const EAGER: SplitSah = SplitSah {
+const EAGER: Sbvh = Sbvh {
     leaf_max: 1,
     bins: 32,
     visit_cost: 0.0,
@@ -99,7 +99,7 @@ fn trees_hold_every_part_of_every_triangle() {
     for (name, shape) in scenes() {
         let triangles = Triangles::of(&shape);
         let bounds = triangles.bounds();
-        for builder in [SplitSah::DEFAULT, EAGER, SplitSah { budget: 0.1, ..EAGER }] {
+        for builder in [Sbvh::DEFAULT, EAGER, Sbvh { budget: 0.1, ..EAGER }] {
             let tree = triangles.tree(&builder);
             tree.validate_pieces(&bounds).unwrap_or_else(|e| panic!("{name}, {builder:?}: {e}"));
             let extra = tree.prims.len() - bounds.len();
@@ -277,7 +277,7 @@ fn the_same_tree_for_any_number_of_threads() {
     let triangles = Triangles::of(&shape);
     let trees = [1, 2, 7].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| triangles.tree(&SplitSah { overlap_min: 0.0, ..SplitSah::DEFAULT }))
+        pool.install(|| triangles.tree(&Sbvh { overlap_min: 0.0, ..Sbvh::DEFAULT }))
     });
     assert!(trees[0].prims.len() > 61_000, "{} entries", trees[0].prims.len());
     assert_eq!(trees[0], trees[1], "2 threads");
@@ -287,7 +287,7 @@ fn the_same_tree_for_any_number_of_threads() {
 #[test]
 fn pieces_cost_no_more_than_they_may() {
     let triangles = Triangles::of(&shards(20_000, 8));
-    let entries = |clips: u32| triangles.tree(&SplitSah { clips, ..EAGER }).prims.len();
+    let entries = |clips: u32| triangles.tree(&Sbvh { clips, ..EAGER }).prims.len();
     let [none, few, many] = [0, 10, EAGER.clips].map(entries);
     assert!(none == 20_000 && none < few && few < many, "{none}, {few}, {many} entries");
 }
@@ -297,7 +297,7 @@ fn splits_pay_where_triangles_are_long() {
     let triangles = Triangles::of(&shards(20_000, 7));
     let sah = |tree: &Tree| tree.sah(&SahConstants::default());
     let whole = sah(&triangles.tree(&BinnedSah::DEFAULT));
-    let split = sah(&triangles.tree(&SplitSah::DEFAULT));
+    let split = sah(&triangles.tree(&Sbvh::DEFAULT));
     assert!(split < 0.8 * whole, "{whole} falls to {split} only");
     let tree = triangles.tree(&EAGER);
     assert!(tree.stats().depth <= DEPTH_MAX);

@@ -115,7 +115,7 @@ catalogue! {
     binned_sah::BinnedSah,
     lbvh::Lbvh,
     hploc::Hploc,
-    split_sah::SplitSah,
+    sbvh::Sbvh,
 }
 
 /// The builder of that name, with its default options.

@@ -67,7 +67,7 @@ impl Quality {
     /// Reinsertion moves the leaves that `binned-sah` fills with up to four primitives as they are:
     /// with leaves of one primitive to move it finds lower costs, and slower trees (4 to 10 % fewer
     /// rays a second in a car and a coffee maker; layouts then fill leaves less well). Spatial splits
-    /// (`split-sah`) are in none: see there what they lost.
+    /// (`sbvh`) are in none: see there what they lost.
     pub fn plan(self) -> Plan<'static> {
         let plain =
             |builder| Plan { quality: self, builder, optimizers: &[], collapse: Collapse::Optimal };

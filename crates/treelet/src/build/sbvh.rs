@@ -84,7 +84,7 @@ const TASKS: usize = 64;
 
 /// Cuts at the cheapest of a few planes, between primitives or through them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SplitSah {
+pub struct Sbvh {
     /// Most primitives in a leaf, in `1..=64`.
     pub leaf_max: u32,
     /// Bins an axis, in `2..=32`.
@@ -108,7 +108,7 @@ pub struct SplitSah {
     pub clips: u32,
 }
 
-impl SplitSah {
+impl Sbvh {
     /// Sixteen bins, leaves of up to four, at most half as many references again.
     pub const DEFAULT: Self = Self {
         leaf_max: 4,
@@ -122,10 +122,10 @@ impl SplitSah {
     };
 }
 
-impl Builder for SplitSah {
+impl Builder for Sbvh {
     fn info(&self) -> Info {
         Info {
-            name: "split-sah",
+            name: "sbvh",
             summary: "cuts at the cheapest of a few planes, also through primitives",
             source: "Stich, Friedrich, Dietrich 2009",
         }
@@ -205,7 +205,7 @@ struct Sides {
 }
 
 struct Build<'a> {
-    options: SplitSah,
+    options: Sbvh,
     /// Nothing is split without it.
     clip: Option<&'a dyn Clip>,
     /// Half area by which children must overlap.
@@ -213,7 +213,7 @@ struct Build<'a> {
     stage: &'a Stage<'a>,
 }
 
-impl SplitSah {
+impl Sbvh {
     fn run(
         &self,
         bounds: &[Aabb],
