@@ -1,9 +1,11 @@
 //! Primitives in several leaves: the same bits as brute force, no leaks, nothing lost, nothing
 //! counted twice.
 
+mod presplit;
+
 use treelet::bounds::Aabb;
-use treelet::build::{BinnedSah, Builder, Clip, Sbvh};
-use treelet::geometry::clip::clipped_bounds;
+use treelet::build::{BinnedSah, BuildError, Builder, Clip, Sbvh};
+use treelet::geometry::clip::{clipped_bounds, least_half_area};
 use treelet::tree::{DEPTH_MAX, Kind, SahConstants, Tree, TreeError};
 use treelet::verify::{self, BruteForce, Random};
 use treelet::{Affine, BuildOptions, Context, Hit, Mesh, Quality, Ray, Scene};
@@ -16,6 +18,7 @@ const EAGER: Sbvh = Sbvh {
     leaf_max: 1,
     bins: 32,
     visit_cost: 0.0,
+    block: 1,
     overlap_min: 0.0,
     node_overlap_min: 0.0,
     advantage: 1.0,
@@ -30,6 +33,10 @@ struct Triangles(Vec<Corners>);
 impl Clip for Triangles {
     fn clip(&self, prim: u32, region: &Aabb) -> Aabb {
         clipped_bounds(&self.0[prim as usize], region)
+    }
+
+    fn least_half_area(&self, prim: u32) -> Option<f64> {
+        Some(least_half_area(&self.0[prim as usize]))
     }
 }
 
@@ -337,4 +344,33 @@ fn every_quality_answers_like_brute_force() {
             assert!(work[4] < work[3] && work[3] < work[2], "best, high, default: {work:?}");
         }
     }
+}
+
+#[test]
+fn options_out_of_range_are_named() {
+    let default = Sbvh::DEFAULT;
+    let bad: [(Sbvh, &str); 10] = [
+        (Sbvh { leaf_max: 65, ..default }, "leaf_max"),
+        (Sbvh { bins: 33, ..default }, "bins"),
+        (Sbvh { bins: 1, ..default }, "bins"),
+        (Sbvh { visit_cost: -1.0, ..default }, "visit_cost"),
+        (Sbvh { block: 0, ..default }, "block"),
+        (Sbvh { overlap_min: f32::NAN, ..default }, "overlap_min"),
+        (Sbvh { node_overlap_min: 1.5, ..default }, "node_overlap_min"),
+        (Sbvh { advantage: -0.5, ..default }, "advantage"),
+        (Sbvh { budget: 4.5, ..default }, "budget"),
+        (Sbvh { clips: 2_000_000, ..default }, "clips"),
+    ];
+    for (builder, name) in bad {
+        let error = builder.build(&[], &Context::default()).unwrap_err();
+        assert!(matches!(error, BuildError::Option { option, .. } if option == name), "{error}");
+    }
+}
+
+#[test]
+fn leaves_are_filled_where_that_costs_nothing() {
+    let triangles = Triangles::of(&shards(5_000, 12));
+    let filled = |block| triangles.tree(&Sbvh { block, ..Sbvh::DEFAULT }).stats().leaf_mean();
+    let [one, four] = [1, 4].map(filled);
+    assert!(four > 1.2 * one, "{one} triangles a leaf by single tests, {four} by blocks");
 }
