@@ -303,7 +303,7 @@ fn the_ray_is_at_t_where_the_weights_are() {
     assert!(hits > rounds(500_000), "only {hits} hits");
 }
 
-/// The lemma for triangles in pieces (`build::split_sah`): of the boxes around the parts on both
+/// The lemma for triangles in pieces (`build::sbvh`): of the boxes around the parts on both
 /// sides of a plane, one admits the `t` that the whole triangle was met at. Planes go through what
 /// the ray is aimed at, or close by.
 #[test]

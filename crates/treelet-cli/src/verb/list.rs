@@ -3,7 +3,7 @@
 use clap::Args;
 use serde::Serialize;
 use treelet::Quality;
-use treelet::build::Info;
+use treelet::build::{Info, Presplit};
 
 use crate::ending::{Ending, Failure};
 use crate::session::{Outcome, Session, say};
@@ -14,6 +14,7 @@ pub(crate) struct Flags {}
 
 #[derive(Serialize)]
 struct Report {
+    prepasses: Vec<Entry>,
     builders: Vec<Entry>,
     optimizers: Vec<Entry>,
     qualities: Vec<Level>,
@@ -69,6 +70,7 @@ pub(crate) fn run(_: Flags, _: &Session) -> Result<Outcome, Failure> {
     };
     let verb = |(name, summary)| Verb { name, summary };
     let report = Report {
+        prepasses: vec![Presplit::INFO.into()],
         builders: treelet::build::ALL.iter().map(|builder| builder.info().into()).collect(),
         optimizers: treelet::optimize::ALL.iter().map(|each| each.info().into()).collect(),
         qualities: Quality::ALL.iter().map(level).collect(),
@@ -84,6 +86,8 @@ pub(crate) fn run(_: Flags, _: &Session) -> Result<Outcome, Failure> {
 fn tell(report: &Report) {
     let entry =
         |entry: &Entry| say(&format!("  {:16} {} ({})", entry.name, entry.summary, entry.source));
+    say("before a builder, as in `presplit+hploc`");
+    report.prepasses.iter().for_each(entry);
     say("builders");
     report.builders.iter().for_each(entry);
     say("optimisers");

@@ -11,12 +11,14 @@ mod curve_order;
 mod fill_leaves;
 mod groups;
 mod lanes;
+pub mod presplit;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod restructure;
 pub(crate) mod top_down;
 
 pub use clip::Clip;
+pub use presplit::Presplit;
 
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context};
@@ -60,6 +62,11 @@ pub trait Builder: Sync {
         context: &Context<'_>,
     ) -> Result<Tree, BuildError> {
         self.build(bounds, context)
+    }
+
+    /// The builder that this one hands its work to, if it only prepares it.
+    fn inner(&self) -> Option<&dyn Builder> {
+        None
     }
 }
 
@@ -107,10 +114,15 @@ macro_rules! catalogue {
 
         /// Every builder with its default options, in the order of the documentation.
         pub static ALL: &[&dyn Builder] = &[$(&$module::$builder::DEFAULT),*];
+
+        /// The same in the same order, each after [`Presplit`].
+        pub static PRESPLIT: &[Presplit<'static>] =
+            &[$(Presplit::before(&$module::$builder::DEFAULT)),*];
     };
 }
 
 catalogue! {
+    scene_graph::SceneGraph,
     spatial_median::SpatialMedian,
     object_median::ObjectMedian,
     sweep_sah::SweepSah,
@@ -122,11 +134,16 @@ catalogue! {
     aac::Aac,
     agglomerative::Agglomerative,
     trbvh::Trbvh,
-    split_sah::SplitSah,
+    sbvh::Sbvh,
 }
 
-/// The builder of that name, with its default options.
+/// The builder of that name, with its default options; `presplit+NAME` is the one after
+/// [`Presplit`].
 pub fn by_name(name: &str) -> Option<&'static dyn Builder> {
+    if let Some((Presplit::NAME, name)) = name.split_once('+') {
+        let named = |each: &&Presplit<'_>| each.builder.info().name == name;
+        return PRESPLIT.iter().find(named).map(|each| each as &dyn Builder);
+    }
     ALL.iter().copied().find(|builder| builder.info().name == name)
 }
 

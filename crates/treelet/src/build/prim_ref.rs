@@ -106,7 +106,7 @@ fn gather(bounds: &[Aabb], context: &Context<'_>) -> Result<(Vec<PrimRef>, Exten
 }
 
 /// The extent of some references.
-fn extent_of(refs: &[PrimRef], stage: &Stage<'_>) -> Result<Extent, Cancelled> {
+pub(super) fn extent_of(refs: &[PrimRef], stage: &Stage<'_>) -> Result<Extent, Cancelled> {
     let mut extent = Extent::EMPTY;
     for chunk in refs.chunks(CHUNK) {
         stage.check()?;

@@ -67,6 +67,14 @@ pub fn clipped_bounds(corners: &[[f32; 3]; 3], region: &Aabb) -> Aabb {
     bounds.intersection(&own).intersection(region)
 }
 
+/// Half the surface area that boxes around ever smaller parts of the triangle come to: half the
+/// area of its shadows along the three axes, twice over.
+pub fn least_half_area([a, b, c]: &[[f32; 3]; 3]) -> f64 {
+    let edge = |to: &[f32; 3], axis: usize| f64::from(to[axis]) - f64::from(a[axis]);
+    let shadow = |i: usize, j: usize| (edge(b, i) * edge(c, j) - edge(b, j) * edge(c, i)).abs();
+    0.5 * (shadow(0, 1) + shadow(1, 2) + shadow(2, 0))
+}
+
 impl Polygon {
     /// A triangle.
     pub(super) fn new(corners: &[[f32; 3]; 3]) -> Self {

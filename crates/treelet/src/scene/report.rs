@@ -11,7 +11,7 @@ use core::time::Duration;
 pub struct BuildReport {
     /// Which builder made the tree.
     pub builder: &'static str,
-    /// All that made the tree, in order, as in `split-sah + reinsertion`.
+    /// All that made the tree, in order, as in `sbvh + reinsertion`.
     pub plan: String,
     /// Triangles in the tree.
     pub triangles: u64,

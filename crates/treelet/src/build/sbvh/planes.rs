@@ -1,7 +1,7 @@
 //! Where a range could be cut: the cheapest plane between its primitives, and the cheapest one through
 //! them.
 
-use super::{Build, CHUNK, Extent, Range, Ref};
+use super::{Build, CHUNK, Extent, Range, Ref, Sbvh};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, parallel};
 
@@ -118,7 +118,7 @@ impl Build<'_> {
             }
         };
         let bins = self.fill(refs, drop_in)?;
-        let best = cheapest(&grid, &bins, refs.len());
+        let best = cheapest(&self.options, &grid, &bins, refs.len());
         Ok(best.map(|Candidate { axis, bin, cost, bounds: [left, right], .. }| {
             let overlap = left.intersection(&right).half_area();
             ObjectPlane { axis, bin, cost, overlap }
@@ -162,7 +162,7 @@ impl Build<'_> {
             }
         };
         let bins = self.fill(refs, drop_in)?;
-        let best = cheapest(&grid, &bins, usize::MAX);
+        let best = cheapest(&self.options, &grid, &bins, usize::MAX);
         let plane = best.map(|Candidate { axis, bin, cost, bounds, counts }| SpatialPlane {
             axis,
             at: grid.plane(bin, axis),
@@ -201,7 +201,7 @@ impl Build<'_> {
 
 /// The cheapest plane with fewer than `count` references on either side, and some; the first one
 /// wins a tie.
-fn cheapest(grid: &Grid, bins: &Bins, count: usize) -> Option<Candidate> {
+fn cheapest(options: &Sbvh, grid: &Grid, bins: &Bins, count: usize) -> Option<Candidate> {
     let mut best: Option<Candidate> = None;
     for (axis, bins) in bins.iter().enumerate() {
         let bins = &bins[..grid.bins];
@@ -221,8 +221,8 @@ fn cheapest(grid: &Grid, bins: &Bins, count: usize) -> Option<Candidate> {
             if counts[0] == 0 || counts[1] == 0 || counts[0] >= count || counts[1] >= count {
                 continue;
             }
-            let cost = left.bounds.half_area() * counts[0] as f64
-                + right.bounds.half_area() * counts[1] as f64;
+            let cost = left.bounds.half_area() * options.tests(counts[0])
+                + right.bounds.half_area() * options.tests(counts[1]);
             if best.as_ref().is_none_or(|best| cost < best.cost) {
                 let bounds = [left.bounds, right.bounds];
                 best = Some(Candidate { axis, bin, cost, bounds, counts });

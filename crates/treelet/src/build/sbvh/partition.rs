@@ -83,7 +83,8 @@ impl Build<'_> {
                 area_left * (counts[0] - 1.0) + whole[1].half_area() * counts[1],
             ];
             let has_both = !a.is_empty() && !b.is_empty() && sides.made < range.budget;
-            if has_both && split < stay[0] && split < stay[1] {
+            let pays = split < stay[0] && split < stay[1];
+            if has_both && pays && clip.least_half_area(item.prim).is_some() {
                 sides.made += 1;
                 sides.left.add(&a);
                 sides.right.add(&b);

@@ -84,13 +84,16 @@ const TASKS: usize = 64;
 
 /// Cuts at the cheapest of a few planes, between primitives or through them.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct SplitSah {
+pub struct Sbvh {
     /// Most primitives in a leaf, in `1..=64`.
     pub leaf_max: u32,
     /// Bins an axis, in `2..=32`.
     pub bins: u32,
-    /// Price of visiting a node in units of one primitive test, in `0..=1000`.
+    /// Price of visiting a node in units of one leaf test, in `0..=1000`.
     pub visit_cost: f32,
+    /// How many primitives one leaf test tests, in `1..=64`: 1 where each is tested by itself, 4 where
+    /// four are tested side by side.
+    pub block: u32,
     /// Cuts through primitives are tried where the children overlap by more than this share of the
     /// scene's area, in `0..=1`.
     pub overlap_min: f32,
@@ -108,12 +111,13 @@ pub struct SplitSah {
     pub clips: u32,
 }
 
-impl SplitSah {
+impl Sbvh {
     /// Sixteen bins, leaves of up to four, at most half as many references again.
     pub const DEFAULT: Self = Self {
         leaf_max: 4,
         bins: 16,
         visit_cost: 1.0,
+        block: 4,
         overlap_min: 1e-4,
         node_overlap_min: 0.1,
         advantage: 0.95,
@@ -122,10 +126,10 @@ impl SplitSah {
     };
 }
 
-impl Builder for SplitSah {
+impl Builder for Sbvh {
     fn info(&self) -> Info {
         Info {
-            name: "split-sah",
+            name: "sbvh",
             summary: "cuts at the cheapest of a few planes, also through primitives",
             source: "Stich, Friedrich, Dietrich 2009",
         }
@@ -205,7 +209,7 @@ struct Sides {
 }
 
 struct Build<'a> {
-    options: SplitSah,
+    options: Sbvh,
     /// Nothing is split without it.
     clip: Option<&'a dyn Clip>,
     /// Half area by which children must overlap.
@@ -213,7 +217,7 @@ struct Build<'a> {
     stage: &'a Stage<'a>,
 }
 
-impl SplitSah {
+impl Sbvh {
     fn run(
         &self,
         bounds: &[Aabb],
@@ -223,6 +227,7 @@ impl SplitSah {
         check_leaf_max(self.leaf_max)?;
         check_option("bins", f64::from(self.bins), 2.0..=BINS_MAX as f64, "2..=32")?;
         check_option("visit_cost", f64::from(self.visit_cost), 0.0..=1000.0, "0..=1000")?;
+        check_option("block", f64::from(self.block), 1.0..=64.0, "1..=64")?;
         check_option("overlap_min", f64::from(self.overlap_min), 0.0..=1.0, "0..=1")?;
         check_option("node_overlap_min", f64::from(self.node_overlap_min), 0.0..=1.0, "0..=1")?;
         check_option("advantage", f64::from(self.advantage), 0.0..=1.0, "0..=1")?;
@@ -250,6 +255,13 @@ impl SplitSah {
         let clips = u64::from(self.clips) * count as u64;
         let range = Range { node: 0, depth: 0, extent, budget, clips };
         build.run(Task { range, refs })
+    }
+}
+
+impl Sbvh {
+    /// Leaf tests that so many primitives take.
+    fn tests(&self, prims: usize) -> f64 {
+        prims.div_ceil(self.block as usize) as f64
     }
 }
 
@@ -350,7 +362,8 @@ impl Build<'_> {
     ) -> Result<Option<(Sides, usize)>, BuildError> {
         let here = &mut refs[begin..];
         let count = here.len();
-        if count == 1 {
+        let may_stay = count <= self.options.leaf_max as usize;
+        if count == 1 || may_stay && count <= self.options.block as usize {
             return Ok(None);
         }
         // A halved range of `count` still needs this many levels below this one.
@@ -368,8 +381,8 @@ impl Build<'_> {
             let spatial = spatial.filter(|plane| plane.cost < limit);
             let counted = |(sides, right)| (Sides { clips, ..sides }, right);
             let best = spatial.as_ref().map_or(object_cost, |plane| plane.cost);
-            let split_pays = best + f64::from(self.options.visit_cost) * area < count as f64 * area;
-            if count <= self.options.leaf_max as usize && !split_pays {
+            let stay = self.options.tests(count) * area;
+            if may_stay && best + f64::from(self.options.visit_cost) * area >= stay {
                 return Ok(None);
             }
             if let Some(plane) = spatial

@@ -1,9 +1,11 @@
 //! Primitives in several leaves: the same bits as brute force, no leaks, nothing lost, nothing
 //! counted twice.
 
+mod presplit;
+
 use treelet::bounds::Aabb;
-use treelet::build::{BinnedSah, Builder, Clip, SplitSah};
-use treelet::geometry::clip::clipped_bounds;
+use treelet::build::{BinnedSah, BuildError, Builder, Clip, Sbvh};
+use treelet::geometry::clip::{clipped_bounds, least_half_area};
 use treelet::tree::{DEPTH_MAX, Kind, SahConstants, Tree, TreeError};
 use treelet::verify::{self, BruteForce, Random};
 use treelet::{Affine, BuildOptions, Context, Hit, Mesh, Quality, Ray, Scene};
@@ -12,10 +14,11 @@ use treelet_testkit::{Shape, awkward, closed};
 const SEED: u64 = 0x5B117;
 
 /// Splits whatever it can.
-const EAGER: SplitSah = SplitSah {
+const EAGER: Sbvh = Sbvh {
     leaf_max: 1,
     bins: 32,
     visit_cost: 0.0,
+    block: 1,
     overlap_min: 0.0,
     node_overlap_min: 0.0,
     advantage: 1.0,
@@ -30,6 +33,10 @@ struct Triangles(Vec<Corners>);
 impl Clip for Triangles {
     fn clip(&self, prim: u32, region: &Aabb) -> Aabb {
         clipped_bounds(&self.0[prim as usize], region)
+    }
+
+    fn least_half_area(&self, prim: u32) -> Option<f64> {
+        Some(least_half_area(&self.0[prim as usize]))
     }
 }
 
@@ -99,7 +106,7 @@ fn trees_hold_every_part_of_every_triangle() {
     for (name, shape) in scenes() {
         let triangles = Triangles::of(&shape);
         let bounds = triangles.bounds();
-        for builder in [SplitSah::DEFAULT, EAGER, SplitSah { budget: 0.1, ..EAGER }] {
+        for builder in [Sbvh::DEFAULT, EAGER, Sbvh { budget: 0.1, ..EAGER }] {
             let tree = triangles.tree(&builder);
             tree.validate_pieces(&bounds).unwrap_or_else(|e| panic!("{name}, {builder:?}: {e}"));
             let extra = tree.prims.len() - bounds.len();
@@ -277,7 +284,7 @@ fn the_same_tree_for_any_number_of_threads() {
     let triangles = Triangles::of(&shape);
     let trees = [1, 2, 7].map(|threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-        pool.install(|| triangles.tree(&SplitSah { overlap_min: 0.0, ..SplitSah::DEFAULT }))
+        pool.install(|| triangles.tree(&Sbvh { overlap_min: 0.0, ..Sbvh::DEFAULT }))
     });
     assert!(trees[0].prims.len() > 61_000, "{} entries", trees[0].prims.len());
     assert_eq!(trees[0], trees[1], "2 threads");
@@ -287,7 +294,7 @@ fn the_same_tree_for_any_number_of_threads() {
 #[test]
 fn pieces_cost_no_more_than_they_may() {
     let triangles = Triangles::of(&shards(20_000, 8));
-    let entries = |clips: u32| triangles.tree(&SplitSah { clips, ..EAGER }).prims.len();
+    let entries = |clips: u32| triangles.tree(&Sbvh { clips, ..EAGER }).prims.len();
     let [none, few, many] = [0, 10, EAGER.clips].map(entries);
     assert!(none == 20_000 && none < few && few < many, "{none}, {few}, {many} entries");
 }
@@ -297,7 +304,7 @@ fn splits_pay_where_triangles_are_long() {
     let triangles = Triangles::of(&shards(20_000, 7));
     let sah = |tree: &Tree| tree.sah(&SahConstants::default());
     let whole = sah(&triangles.tree(&BinnedSah::DEFAULT));
-    let split = sah(&triangles.tree(&SplitSah::DEFAULT));
+    let split = sah(&triangles.tree(&Sbvh::DEFAULT));
     assert!(split < 0.8 * whole, "{whole} falls to {split} only");
     let tree = triangles.tree(&EAGER);
     assert!(tree.stats().depth <= DEPTH_MAX);
@@ -337,4 +344,33 @@ fn every_quality_answers_like_brute_force() {
             assert!(work[4] < work[3] && work[3] < work[2], "best, high, default: {work:?}");
         }
     }
+}
+
+#[test]
+fn options_out_of_range_are_named() {
+    let default = Sbvh::DEFAULT;
+    let bad: [(Sbvh, &str); 10] = [
+        (Sbvh { leaf_max: 65, ..default }, "leaf_max"),
+        (Sbvh { bins: 33, ..default }, "bins"),
+        (Sbvh { bins: 1, ..default }, "bins"),
+        (Sbvh { visit_cost: -1.0, ..default }, "visit_cost"),
+        (Sbvh { block: 0, ..default }, "block"),
+        (Sbvh { overlap_min: f32::NAN, ..default }, "overlap_min"),
+        (Sbvh { node_overlap_min: 1.5, ..default }, "node_overlap_min"),
+        (Sbvh { advantage: -0.5, ..default }, "advantage"),
+        (Sbvh { budget: 4.5, ..default }, "budget"),
+        (Sbvh { clips: 2_000_000, ..default }, "clips"),
+    ];
+    for (builder, name) in bad {
+        let error = builder.build(&[], &Context::default()).unwrap_err();
+        assert!(matches!(error, BuildError::Option { option, .. } if option == name), "{error}");
+    }
+}
+
+#[test]
+fn leaves_are_filled_where_that_costs_nothing() {
+    let triangles = Triangles::of(&shards(5_000, 12));
+    let filled = |block| triangles.tree(&Sbvh { block, ..Sbvh::DEFAULT }).stats().leaf_mean();
+    let [one, four] = [1, 4].map(filled);
+    assert!(four > 1.2 * one, "{one} triangles a leaf by single tests, {four} by blocks");
 }
