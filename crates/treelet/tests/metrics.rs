@@ -37,6 +37,7 @@ const EAGER: Sbvh = Sbvh {
     leaf_max: 1,
     bins: 32,
     visit_cost: 0.0,
+    block: 1,
     overlap_min: 0.0,
     node_overlap_min: 0.0,
     advantage: 1.0,
