@@ -163,6 +163,12 @@ pub trait Engine: Send + Sync {
         self.variants()
     }
 
+    /// The variant that somebody asks for by this name, whatever its letters' case; there may be more than
+    /// [`Engine::variants`] lists.
+    fn variant(&self, asked: &str) -> Option<String> {
+        self.variants().into_iter().find(|variant| variant.eq_ignore_ascii_case(asked))
+    }
+
     /// Whether a variant is given rays in that way unless somebody asks for the variant.
     fn is_usual(&self, variant: &str, call: Call) -> bool {
         let _ = (variant, call);

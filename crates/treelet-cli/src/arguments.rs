@@ -1,10 +1,11 @@
 //! The words of the command line, and the parsers that several verbs share.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::num::NonZeroUsize;
 
 use clap::Parser;
-use clap::builder::PossibleValuesParser;
+use clap::builder::{PossibleValue, StringValueParser, TypedValueParser};
+use treelet::scene::Recipe;
 
 use crate::verb::Verb;
 
@@ -65,9 +66,36 @@ pub(crate) fn joined(words: impl IntoIterator<Item = OsString>) -> Vec<OsString>
     joined
 }
 
-/// Accepts the names of the builders' catalogue.
-pub(crate) fn builder_names() -> PossibleValuesParser {
-    PossibleValuesParser::new(treelet::build::ALL.iter().map(|builder| builder.info().name))
+/// Accepts builders and quality levels, with optimisers after them; lists the builders.
+#[derive(Clone, Debug)]
+pub(crate) struct RecipeParser;
+
+impl TypedValueParser for RecipeParser {
+    type Value = Recipe;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<Recipe, clap::Error> {
+        let parser = StringValueParser::new().try_map(|name| name.parse::<Recipe>());
+        parser.parse_ref(command, argument, value)
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        let names = treelet::build::ALL.iter().map(|builder| builder.info().name);
+        Some(Box::new(names.map(PossibleValue::new)))
+    }
+}
+
+/// What was asked for, or else every builder of the catalogue.
+pub(crate) fn recipes(asked: Vec<Recipe>) -> Vec<Recipe> {
+    if !asked.is_empty() {
+        return asked;
+    }
+    let names = treelet::build::ALL.iter().map(|builder| builder.info().name);
+    names.filter_map(|name| name.parse().ok()).collect()
 }
 
 #[cfg(test)]

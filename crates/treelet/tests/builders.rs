@@ -95,7 +95,7 @@ fn depth_is_bounded_for_every_option() {
     let builders: Vec<Box<dyn Builder>> = vec![
         Box::new(SpatialMedian { leaf_max: 1 }),
         Box::new(ObjectMedian { leaf_max: 1 }),
-        Box::new(Lbvh { leaf_max: 1 }),
+        Box::new(Lbvh { leaf_max: 1, ..Lbvh::DEFAULT }),
         Box::new(Hploc { leaf_max: 1 }),
         Box::new(SweepSah { leaf_max: 1, visit_cost: 0.0 }),
         Box::new(BinnedSah { leaf_max: 1, visit_cost: 0.0, bins: 2, block: 1 }),
@@ -132,7 +132,7 @@ fn options_out_of_range_are_named() {
         let bad = f64::from(leaf_max);
         check(&SpatialMedian { leaf_max }, "leaf_max", bad);
         check(&ObjectMedian { leaf_max }, "leaf_max", bad);
-        check(&Lbvh { leaf_max }, "leaf_max", bad);
+        check(&Lbvh { leaf_max, ..Lbvh::DEFAULT }, "leaf_max", bad);
         check(&Hploc { leaf_max }, "leaf_max", bad);
         check(&SweepSah { leaf_max, ..SweepSah::DEFAULT }, "leaf_max", bad);
         check(&BinnedSah { leaf_max, ..BinnedSah::DEFAULT }, "leaf_max", bad);

@@ -1,7 +1,8 @@
 //! treelet itself, as its users call it.
 //!
-//! A variant is a builder's name, and perhaps a layout's or a level's after it: `binned-sah`,
-//! `binned-sah wide8`, `binned-sah avx2`. What is not named is the library's own choice.
+//! A variant is a builder's or a quality level's name with optimisers after it, and perhaps a layout's
+//! or an instruction set's: `binned-sah`, `lbvh+treelets`, `binned-sah wide8`, `best avx2`. What is not
+//! named is the library's own choice.
 //!
 //! The single-ray calls go through a function that is never inlined, so that a loop over rays gains
 //! nothing that a renderer's code would not. What that costs is measured against slices of [`LOOP`]
@@ -10,7 +11,7 @@
 
 use treelet::build;
 use treelet::layout;
-use treelet::scene::LayoutChoice;
+use treelet::scene::{LayoutChoice, Recipe};
 use treelet::simd::Level;
 use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
 
@@ -72,6 +73,12 @@ impl Engine for Treelet {
         plain.into_iter().chain(more.into_iter().flatten()).collect()
     }
 
+    /// Any builder or level with any optimisers after it.
+    fn variant(&self, asked: &str) -> Option<String> {
+        let asked = asked.to_ascii_lowercase();
+        wish(&asked).map(|_| asked)
+    }
+
     fn usual_variants(&self) -> Vec<String> {
         USUAL.iter().map(|quality| quality.name().to_owned()).chain(compact_variant()).collect()
     }
@@ -97,29 +104,33 @@ fn layouts() -> impl Iterator<Item = (&'static str, LayoutChoice)> {
     layout::ALL.iter().map(|info| info.name).zip(LayoutChoice::ALL.iter().copied())
 }
 
-/// What a variant's name asks for; `None` if a word of it is not known.
-fn options(variant: &str) -> Option<BuildOptions<'static>> {
+/// What a variant's name asks for.
+struct Wish {
+    recipe: Recipe,
+    layout: Option<LayoutChoice>,
+    level: Level,
+}
+
+/// `None` if a word of the variant's name is not known.
+fn wish(variant: &str) -> Option<Wish> {
     let mut words = variant.split(' ');
-    let mut options = BuildOptions::default();
-    let word = words.next()?;
-    match Quality::by_name(word) {
-        Some(quality) => options.quality = quality,
-        None => options.builder = Some(build::by_name(word)?),
-    }
+    let recipe = words.next()?.parse().ok()?;
+    let mut wish = Wish { recipe, layout: None, level: BuildOptions::default().level };
     for word in words {
         match (layouts().find(|(name, _)| *name == word), Level::by_name(word)) {
-            (Some((_, layout)), _) => options.layout = Some(layout),
-            (None, level) => options.level = level?,
+            (Some((_, layout)), _) => wish.layout = Some(layout),
+            (None, level) => wish.level = level?,
         }
     }
-    Some(options)
+    Some(wish)
 }
 
 /// A scene of these triangles, built as the variant's name says.
 pub(crate) fn scene(variant: &str, triangles: &Triangles) -> Result<Scene, EngineError> {
-    let options = options(variant)
+    let Wish { recipe, layout, level } = wish(variant)
         .ok_or_else(|| EngineError::Missing(format!("treelet has no variant `{variant}`")))?;
     let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
+    let options = BuildOptions { layout, level, ..recipe.options() };
     let scene = Scene::builder().mesh(mesh).build(&options);
     scene.map_err(|error| EngineError::Refused(error.to_string()))
 }
@@ -231,7 +242,7 @@ impl Pass for AnyPass<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::{Treelet, is_compact, options};
+    use super::{Treelet, is_compact, wish};
     use crate::engine::Engine;
 
     #[test]
@@ -240,7 +251,14 @@ mod tests {
         assert_eq!(usual[..3], ["fast", "default", "best"]);
         assert!(usual.iter().all(|variant| known.contains(variant)), "{usual:?}");
         assert_eq!(usual.iter().filter(|variant| is_compact(variant)).count(), 1, "{usual:?}");
-        assert!(known.iter().all(|variant| options(variant).is_some()));
+        assert!(known.iter().all(|variant| wish(variant).is_some()));
+        let asked = ["lbvh+treelets", "Binned-SAH+Reinsertion wide8", "default+treelets AVX2"];
+        for (asked, known) in asked.map(|asked| (asked, Treelet.variant(asked))) {
+            assert_eq!(known, Some(asked.to_lowercase()));
+        }
+        for unknown in ["lbvh+", "lbvh+lbvh", "treelets", "lbvh wide9", "lbvh treelets", ""] {
+            assert_eq!(Treelet.variant(unknown), None);
+        }
         assert!(!is_compact("best compact") && !is_compact("default wide8"));
     }
 }

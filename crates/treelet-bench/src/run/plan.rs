@@ -64,9 +64,13 @@ impl Plan {
         if asked.is_empty() {
             return engine.usual_variants();
         }
-        let is_asked =
-            |variant: &String| asked.iter().any(|name| name.eq_ignore_ascii_case(variant));
-        engine.variants().into_iter().filter(is_asked).collect()
+        let mut variants: Vec<String> = Vec::new();
+        for variant in asked.iter().filter_map(|name| engine.variant(name)) {
+            if !variants.contains(&variant) {
+                variants.push(variant);
+            }
+        }
+        variants
     }
 
     /// Whether a variant is given rays in that way: all ways if somebody asked for the variant.
@@ -77,15 +81,15 @@ impl Plan {
     /// Every variant that was asked for must be one that some engine has.
     pub(super) fn check_variants(&self, engines: &[Box<dyn Engine>]) -> Result<(), BenchError> {
         for (is_ours, asked) in [(true, &self.builders), (false, &self.variants)] {
-            let known = || {
-                let side = engines.iter().filter(|e| (e.name() == ours::NAME) == is_ours);
-                side.flat_map(|engine| engine.variants())
-            };
+            let side = || engines.iter().filter(|engine| (engine.name() == ours::NAME) == is_ours);
             for name in asked {
                 // Without rivals there is nothing to choose from, and nothing to complain about.
-                if known().next().is_some() && !known().any(|it| it.eq_ignore_ascii_case(name)) {
-                    let known = known().collect::<Vec<_>>().join(", ");
-                    return Err(BenchError::NoVariant { name: name.clone(), known });
+                if side().next().is_some() && !side().any(|engine| engine.variant(name).is_some()) {
+                    let known: Vec<_> = side().flat_map(|engine| engine.variants()).collect();
+                    return Err(BenchError::NoVariant {
+                        name: name.clone(),
+                        known: known.join(", "),
+                    });
                 }
             }
         }

@@ -1,4 +1,13 @@
-//! `treelet inspect`: one screen about a scene and the trees that each builder makes of it.
+//! `treelet inspect`: one screen about a scene and the trees that each builder makes of it; or the
+//! measures of those trees.
+
+mod bounds;
+mod fit;
+mod flat;
+mod metrics;
+mod plot;
+mod trace_time;
+mod walk;
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -6,26 +15,40 @@ use std::time::{Duration, Instant};
 use clap::Args;
 use serde::Serialize;
 use treelet::bounds::Aabb;
-use treelet::scene::LayoutChoice;
+use treelet::scene::{LayoutChoice, Recipe};
 use treelet::tree::SahConstants;
 use treelet::{BuildOptions, Invalid};
 use treelet_model::PlacedModel;
 
+use crate::arguments::{RecipeParser, recipes};
 use crate::duplicates;
 use crate::ending::{Ending, Failure};
 use crate::input::{Input, SceneFlags};
 use crate::progress::Line;
 use crate::session::{Outcome, Session, say};
 use crate::text;
+use metrics::MetricsFlags;
 
 /// Show what a scene holds, and the tree that each builder makes of it
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// A scene file: glTF, OBJ, PLY, STL, OFF or pbrt, also as .gz or .zst [default: the built-in scene].
-    scene: Option<PathBuf>,
+    /// Several only with --metrics.
+    scenes: Vec<PathBuf>,
+
+    /// Builders to look at, perhaps with optimisers after them: "sweep-sah,lbvh+treelets" [default: all].
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = RecipeParser)]
+    builders: Vec<Recipe>,
 
     #[command(flatten)]
     scene_flags: SceneFlags,
+
+    #[command(flatten)]
+    metrics: MetricsFlags,
+
+    /// Compare bounding volumes on this scene: how tight, how fast to test, how often wrong.
+    #[arg(long, conflicts_with = "metrics")]
+    bounds: bool,
 }
 
 #[derive(Serialize)]
@@ -58,6 +81,7 @@ struct Report {
     warnings: Vec<String>,
 }
 
+/// Prices of a tree's parts.
 #[derive(Serialize)]
 struct Constants {
     visit: f64,
@@ -67,7 +91,7 @@ struct Constants {
 /// What a builder made.
 #[derive(Serialize)]
 struct TreeReport {
-    builder: &'static str,
+    builder: String,
     /// From meshes to a scene that answers.
     seconds: f64,
     nodes: u64,
@@ -93,9 +117,24 @@ struct LayoutReport {
     bytes_per_triangle: f64,
 }
 
-/// Reads, counts, builds with every builder and in every layout.
+/// Does what the flags ask for.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
-    let input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
+    if flags.metrics.metrics {
+        return metrics::run(&flags.scenes, &flags.scene_flags, &flags.metrics, session);
+    }
+    if let [_, second, ..] = flags.scenes.as_slice() {
+        let second = second.display();
+        return Err(Failure::Usage(format!("{second}: several scenes at once need --metrics")));
+    }
+    let input = Input::load(flags.scenes.first(), &flags.scene_flags, session)?;
+    if flags.bounds {
+        return bounds::run(&input, session);
+    }
+    overview(input, session)
+}
+
+/// Counts, builds with every builder and in every layout.
+fn overview(input: Input, session: &Session) -> Result<Outcome, Failure> {
     let duplicate = {
         let _line = Line::spinner("looking for duplicates");
         duplicates::count(&input.model, &session.cancel)?
@@ -104,12 +143,11 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     // Build with each builder in turn; the counts of defects are the same for all.
     let mut builders = Vec::new();
     let mut facts = Facts::default();
-    for &builder in treelet::build::ALL {
-        let options =
-            BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
+    for recipe in recipes(flags.builders) {
+        let options = BuildOptions { invalid: Invalid::Skip, ..recipe.options() };
         let start = Instant::now();
         let placed = input.build(&options, session)?;
-        builders.push(tree_report(&placed, builder.info().name, start.elapsed()));
+        builders.push(tree_report(&placed, recipe.name(), start.elapsed()));
         facts = Facts::of(&placed);
     }
 
@@ -190,10 +228,10 @@ impl Facts {
 }
 
 /// Adds up the trees of all levels.
-fn tree_report(placed: &PlacedModel, builder: &'static str, time: Duration) -> TreeReport {
+fn tree_report(placed: &PlacedModel, builder: &str, time: Duration) -> TreeReport {
     let instanced = placed.scene.instances() > 0;
     let mut tree = TreeReport {
-        builder,
+        builder: builder.to_owned(),
         seconds: time.as_secs_f64(),
         nodes: 0,
         leaves: 0,

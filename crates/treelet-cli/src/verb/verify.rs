@@ -1,4 +1,4 @@
-//! `treelet verify`: does every builder's tree answer like brute force?
+//! `treelet verify`: does every tree answer like brute force, whoever built and improved it?
 //!
 //! Rays that look for trouble (the library's `verify` makes them) are answered by testing every
 //! triangle, and by each builder's tree, with all four queries; every bit must agree. Where brute
@@ -12,9 +12,11 @@ use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use rayon::prelude::*;
 use serde::Serialize;
+use treelet::scene::Recipe;
 use treelet::verify::{self, BruteForce, Mismatch};
 use treelet::{BuildOptions, Hit, Invalid, Ray, Scene};
 
+use crate::arguments::{RecipeParser, recipes};
 use crate::ending::{Ending, Failure};
 use crate::input::{self, Input, SceneFlags};
 use crate::progress::Line;
@@ -28,6 +30,9 @@ const BRUTE_TESTS: u64 = 900_000_000_000;
 
 /// What answers where brute force is too slow.
 const STAND_IN: &str = "sweep-sah";
+
+/// What optimisers improve.
+const QUICK: &str = "lbvh";
 
 /// Rays between two looks at Ctrl-C.
 const CHUNK: usize = 64;
@@ -61,6 +66,11 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "RAY", conflicts_with_all = ["rays", "seed", "brute"])]
     ray: Option<RayText>,
 
+    /// Builders to compare, perhaps with optimisers after them, such as "lbvh+treelets", and sweep-sah
+    /// [default: all builders, and all optimisers after lbvh].
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = RecipeParser)]
+    builders: Vec<Recipe>,
+
     #[command(flatten)]
     scene_flags: SceneFlags,
 }
@@ -69,7 +79,7 @@ pub(crate) struct Flags {
 struct Report {
     scene: String,
     seed: u64,
-    builders: Vec<&'static str>,
+    builders: Vec<String>,
     queries: [&'static str; 4],
     /// Rays that every builder answered like the reference.
     rays: u64,
@@ -91,7 +101,7 @@ struct Report {
 struct Difference {
     /// What --ray takes.
     ray: String,
-    builder: &'static str,
+    builder: String,
     reference: &'static str,
     query: &'static str,
     expected: String,
@@ -109,20 +119,19 @@ struct HitReport {
 }
 
 /// A builder's name and its scene.
-type Candidate = (&'static str, Scene);
+type Candidate = (String, Scene);
 
 /// Reads, builds with every builder, compares.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
     let mut candidates: Vec<Candidate> = Vec::new();
-    for &builder in treelet::build::ALL {
-        let options =
-            BuildOptions { builder: Some(builder), invalid: Invalid::Skip, ..Default::default() };
+    for recipe in compared(flags.builders) {
+        let options = BuildOptions { invalid: Invalid::Skip, ..recipe.options() };
         let placed = input.build(&options, session)?;
         if candidates.is_empty() {
             input::warn_of_skipped(&placed);
         }
-        candidates.push((builder.info().name, placed.scene));
+        candidates.push((recipe.name().to_owned(), placed.scene));
     }
     let Some((_, scene)) = candidates.first() else {
         return Err(Failure::told("the catalogue of builders is empty"));
@@ -141,7 +150,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     // Compare, first ray first.
     let mut tally = Tally::default();
     let mut difference = None;
-    let stand_in = candidates.iter().find(|(name, _)| *name == STAND_IN).map_or(scene, |(_, s)| s);
+    let stand_in = candidates.iter().find(|(name, _)| name == STAND_IN).map_or(scene, |(_, s)| s);
     let by_brute_force = |ray: &Ray| brute.all(ray);
     let by_stand_in = |ray: &Ray| stand_in.all(ray);
     let line = Line::bar(total, "comparing");
@@ -165,7 +174,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let report = Report {
         scene: input.name,
         seed: flags.seed,
-        builders: candidates.iter().map(|(name, _)| *name).collect(),
+        builders: candidates.iter().map(|(name, _)| name.clone()).collect(),
         queries: ["closest", "any", "count", "all"],
         rays: tally.rays,
         rays_by_brute_force: tally.by_brute_force,
@@ -179,6 +188,19 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     tell(&report, &again(flags.scene.as_deref(), &flags.scene_flags));
     let ending = if report.difference.is_some() { Ending::CheckFailed } else { Ending::Done };
     Outcome::new("verify", &report, ending)
+}
+
+/// What was asked for, and the stand-in; or else every builder, and every optimiser after a quick one.
+fn compared(asked: Vec<Recipe>) -> Vec<Recipe> {
+    let all = asked.is_empty();
+    let mut compared = recipes(asked);
+    if !compared.iter().any(|recipe| recipe.name() == STAND_IN) {
+        compared.extend(STAND_IN.parse());
+    }
+    let optimizers = treelet::optimize::ALL.iter().filter(|_| all);
+    let after = optimizers.map(|optimizer| format!("{QUICK}+{}", optimizer.info().name));
+    compared.extend(after.filter_map(|name| name.parse().ok()));
+    compared
 }
 
 /// The rays from number `from` on: at most [`BATCH`], so that memory does not grow with --rays.
@@ -218,7 +240,7 @@ impl Tally {
                     let expected = answer(ray);
                     let hits = expected.len() as u64;
                     let differs = |(name, scene): &Candidate| {
-                        verify::check(scene, ray, &expected).err().map(|mismatch| (*name, mismatch))
+                        verify::check(scene, ray, &expected).err().map(|mismatch| (name.clone(), mismatch))
                     };
                     (hits, candidates.iter().find_map(differs))
                 })
@@ -265,7 +287,7 @@ fn tell(report: &Report, again: &str) {
     }
     let Report { rays, rays_by_brute_force, .. } = *report;
     say(&format!(
-        "no difference: {} ({}) x {} builders x 4 queries, in {:.1} s",
+        "no difference: {} ({}) x {} trees x 4 queries, in {:.1} s",
         text::things(rays, "ray"),
         text::things(report.hits, "hit"),
         report.builders.len(),
@@ -318,7 +340,7 @@ mod tests {
         let (right, wrong) = (scene(1.0), scene(0.99));
         let rays = verify::rays(&right, 500, 3);
         let brute = BruteForce::new(&right);
-        let candidates = [("right", right.clone()), ("wrong", wrong.clone())];
+        let candidates = [("right".to_owned(), right.clone()), ("wrong".to_owned(), wrong.clone())];
         let session = Session { cancel: treelet::Cancel::new(), threads: 1, threads_asked: vec![] };
         let mut tally = Tally::default();
         let line = Line::spinner("");

@@ -4,5 +4,6 @@ mod bench;
 mod errors;
 mod interrupt;
 mod kit;
+mod measures;
 mod render;
 mod reports;

@@ -36,7 +36,7 @@ pub(super) struct Below<'a> {
 }
 
 impl<'a> Below<'a> {
-    fn new(nodes: &'a mut [Node], base: usize) -> Self {
+    pub(super) fn new(nodes: &'a mut [Node], base: usize) -> Self {
         Self { free: nodes.len(), nodes, base }
     }
 
@@ -50,28 +50,74 @@ impl<'a> Below<'a> {
         let height = left.height.max(right.height) + 1;
         Cluster { root: Node::inner(bounds, self.base + self.free), height }
     }
+
+    /// Writes all of them at once.
+    pub(super) fn fill(&mut self, nodes: &[Node]) {
+        debug_assert!(self.free == self.nodes.len());
+        self.nodes.copy_from_slice(nodes);
+        self.free = 0;
+    }
+}
+
+/// Neighbours on the curve that belong together.
+pub(super) struct Part<'a> {
+    /// A leaf, or what a piece handed up.
+    pub(super) clusters: &'a [Cluster],
+    /// How many leaves are below them.
+    pub(super) leaves: usize,
+    /// Where they part from what comes next: the greater, the closer. 0 at the end.
+    pub(super) level: u8,
+}
+
+/// What a piece hands to the top of the tree.
+pub(super) struct Handed {
+    pub(super) clusters: Vec<Cluster>,
+    leaves: usize,
+    level: u8,
 }
 
 /// How a builder joins clusters.
 pub(super) trait Join: Sync {
-    /// What it keeps between one cluster and the next.
+    /// What it keeps between one part and the next.
     type Open: Default;
 
-    /// Takes neighbours on the curve that belong together; `level` is where the last of them parts
-    /// from what comes next: the greater, the closer. 0 at the end.
-    fn push(&self, open: &mut Self::Open, group: &[Cluster], level: u8, below: &mut Below<'_>);
+    /// Takes the next part.
+    fn push(&self, open: &mut Self::Open, part: &Part<'_>, below: &mut Below<'_>);
 
     /// Joins what is open until `count` clusters are left.
     fn finish(&self, open: &mut Self::Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster>;
 
-    /// How many clusters a piece of many leaves hands to the top of the tree.
-    fn keep(&self) -> usize;
+    /// How many clusters a piece with these leaves hands to the top of the tree.
+    fn keep(&self, leaves: &mut [AtomicU64]) -> usize;
+
+    /// Joins what the pieces handed up, into one cluster.
+    fn join_pieces(
+        &self,
+        pieces: Vec<Handed>,
+        below: &mut Below<'_>,
+        _context: &Context<'_>,
+    ) -> Result<Cluster, BuildError> {
+        let mut open = Self::Open::default();
+        for Handed { clusters, leaves, level } in &pieces {
+            self.push(&mut open, &Part { clusters, leaves: *leaves, level: *level }, below);
+        }
+        Ok(self.finish(&mut open, 1, below)[0])
+    }
 }
 
-/// Builds the tree that `join` joins, with leaves of up to `leaf_max`; says how deep it is.
+/// Which leaves the curve is cut into.
+#[derive(Clone, Copy)]
+pub(super) struct Cut {
+    /// Most primitives in one.
+    pub(super) leaf_max: u32,
+    /// Bits of a code.
+    pub(super) code_bits: u32,
+}
+
+/// Builds the tree that `join` joins; says how deep it is.
 pub(super) fn build<J: Join>(
     join: &J,
-    leaf_max: u32,
+    cut: Cut,
     bounds: &[Aabb],
     context: &Context<'_>,
 ) -> Result<(Tree, u32), BuildError> {
@@ -86,51 +132,51 @@ pub(super) fn build<J: Join>(
     }
 
     // Sort along the curve and find the leaves.
-    let mut order = Order::new(bounds, &stage)?;
+    let mut order = Order::new(bounds, cut.code_bits, &stage)?;
     let mut prims = memory::try_filled(0, count, "the tree's primitives")?;
-    order.find_leaves(bounds, leaf_max, &mut prims, &stage)?;
+    order.find_leaves(bounds, cut.leaf_max, &mut prims, &stage)?;
 
     // Give every piece its place, behind what joins the pieces.
-    let keep = |piece: &Piece| piece.leaves.min(join.keep());
-    let kept: usize = order.pieces.iter().map(keep).sum();
+    let mut marks = order.entries.as_mut_slice();
+    let mut kept = Vec::with_capacity(order.pieces.len());
+    for piece in &order.pieces {
+        let marks = take(&mut marks, piece.prims.len());
+        kept.push(join.keep(&mut marks[..piece.leaves]));
+    }
     let leaves: usize = order.pieces.iter().map(|piece| piece.leaves).sum();
     let unwritten = Node::leaf(Aabb::EMPTY, 0, 1);
     let mut nodes = memory::try_filled(unwritten, 2 * leaves - 1, "the tree's nodes")?;
-    let (top, mut rest) = nodes.split_at_mut(2 * kept - 1);
+    let (top, mut rest) = nodes.split_at_mut(2 * kept.iter().sum::<usize>() - 1);
     let mut base = top.len();
     let mut marks = order.entries.as_mut_slice();
     let mut tasks = Vec::with_capacity(order.pieces.len());
-    for piece in &order.pieces {
-        let size = 2 * (piece.leaves - keep(piece));
+    for (piece, keep) in order.pieces.iter().zip(kept) {
+        let size = 2 * (piece.leaves - keep);
         let marks = take(&mut marks, piece.prims.len());
         let below = Below::new(take(&mut rest, size), base);
-        tasks.push((piece, &mut marks[..piece.leaves], below));
+        tasks.push((piece, &mut marks[..piece.leaves], keep, below));
         base += size;
     }
 
     // Join inside pieces, all at once, then join the pieces.
-    let groups = parallel::map(tasks, |(piece, marks, mut below)| {
+    let pieces = parallel::map(tasks, |(piece, marks, keep, mut below)| {
         stage.check()?;
         let leaves = Leaves { bounds, prims: &prims, piece, stage: &stage };
         let mut open = J::Open::default();
-        leaves.each(marks, |leaf, level| join.push(&mut open, &[leaf], level, &mut below))?;
-        let group = join.finish(&mut open, keep(piece), &mut below);
+        leaves.each(marks, |part| join.push(&mut open, part, &mut below))?;
+        let clusters = join.finish(&mut open, keep, &mut below);
+        debug_assert!(clusters.len() == keep && below.free == 0);
         stage.advance(piece.prims.len() as u64);
-        Ok((piece.level, group))
+        Ok(Handed { clusters, leaves: piece.leaves, level: piece.level })
     });
+    let pieces = pieces.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
+    stage.check()?;
     let (root, top) = top.split_at_mut(1);
     let mut below = Below::new(top, 1);
-    let mut open = J::Open::default();
-    for group in groups {
-        let group: Result<_, Cancelled> = group;
-        let (level, group) = group?;
-        join.push(&mut open, &group, level, &mut below);
-    }
-    stage.check()?;
-    let last = join.finish(&mut open, 1, &mut below);
-    debug_assert!(last.len() == 1 && below.free == 0);
-    root[0] = last[0].root;
-    Ok((Tree { nodes, prims }, last[0].height + 1))
+    let last = join.join_pieces(pieces, &mut below, context)?;
+    debug_assert!(below.free == 0);
+    root[0] = last.root;
+    Ok((Tree { nodes, prims }, last.height + 1))
 }
 
 /// The leaves of a piece.
@@ -148,12 +194,12 @@ const BLOCK: usize = 128;
 const _: () = assert!(BLOCK >= super::LEAF_MAX as usize);
 
 impl Leaves<'_> {
-    /// Shows each leaf and the level at which it parts from the next.
+    /// Shows each leaf.
     #[inline(always)]
     fn each(
         &self,
         marks: &mut [AtomicU64],
-        mut show: impl FnMut(Cluster, u8),
+        mut show: impl FnMut(&Part<'_>),
     ) -> Result<(), Cancelled> {
         let begin = self.piece.prims.start;
         let mut boxes = [Aabb::EMPTY; BLOCK];
@@ -170,8 +216,9 @@ impl Leaves<'_> {
                 loaded = first..self.piece.prims.end.min(first + BLOCK);
                 self.load(loaded.clone(), &mut boxes);
             }
-            let bounds = around(&boxes[first - loaded.start..end - loaded.start]);
-            show(Cluster { root: Node::leaf(bounds, first, end - first), height: 0 }, level);
+            let boxes = &boxes[first - loaded.start..end - loaded.start];
+            let root = Node::leaf(around(boxes), first, end - first);
+            show(&Part { clusters: &[Cluster { root, height: 0 }], leaves: 1, level });
         }
         Ok(())
     }

@@ -136,19 +136,24 @@ impl Search<'_> {
     fn refine_run(&self, entries: &mut [u64], levels: &mut [u8]) -> Result<(), BuildError> {
         let split = self.split;
         let code = entries[0] >> split.prim_bits;
+        let unused = CODE_BITS - split.code_bits();
         for entry in &mut *entries {
             let prim = split.prim(*entry);
-            let center = self.bounds[prim as usize].center();
-            *entry = split.entry(self.curve.fine(self.curve.cell(center)), prim);
+            *entry = u64::from(prim);
+            if split.fine_bits > 0 {
+                let center = self.bounds[prim as usize].center();
+                let fine = self.curve.fine(self.curve.cell(center));
+                *entry = split.entry(fine >> unused, prim);
+            }
         }
-        self.sort_run(entries, split.prim_bits..split.prim_bits + split.fine_bits())?;
+        self.sort_run(entries, split.prim_bits..split.prim_bits + split.fine_bits)?;
 
         let mut begin = 0;
         for at in 0..levels.len() {
             let differ = (entries[at] ^ entries[at + 1]) >> split.prim_bits;
             levels[at] = if differ != 0 {
                 begin = at + 1;
-                (CODE_BITS - differ.ilog2()) as u8
+                (split.code_bits() - differ.ilog2()) as u8
             } else {
                 // Equal to the last bit: parted by place, the left side a power of two.
                 let place = (at - begin) as u32;

@@ -6,7 +6,7 @@
 use super::BuildError;
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Stage, parallel};
-use crate::math::morton::{COARSE_BITS_MAX, CODE_BITS, Curve};
+use crate::math::morton::{COARSE_BITS_MAX, Curve};
 use crate::memory;
 use crate::tree::PRIMS_MAX;
 use alloc::vec::Vec;
@@ -23,7 +23,7 @@ const PIECE_MIN: usize = 2048;
 /// first-level cache.
 const BUCKET: usize = 2048;
 /// Most bits of a bucket's number: more streams than this miss the TLB.
-const BUCKET_BITS_MAX: u32 = 11;
+pub(super) const BUCKET_BITS_MAX: u32 = 11;
 
 /// How an entry is divided: the first word of a code above the number of its primitive. The word has
 /// as many bits as there is room for: with 33 always, so many primitives of a kitchen shared theirs
@@ -32,23 +32,25 @@ const BUCKET_BITS_MAX: u32 = 11;
 pub(super) struct Split {
     pub(super) bucket_bits: u32,
     pub(super) coarse_bits: u32,
+    /// Of the second word.
+    pub(super) fine_bits: u32,
     pub(super) prim_bits: u32,
 }
 
 const _: () = assert!(PRIMS_MAX <= 1 << 31, "room for 33 bits of a code");
 
 impl Split {
-    pub(super) fn new(count: usize) -> Self {
+    /// For codes of `code_bits` bits, at least [`BUCKET_BITS_MAX`].
+    pub(super) fn new(count: usize, code_bits: u32) -> Self {
         let bucket_bits = (count / BUCKET).checked_ilog2().map_or(0, |bits| bits + 1);
         let bucket_bits = bucket_bits.min(BUCKET_BITS_MAX);
         let prim_bits = usize::BITS - count.saturating_sub(1).leading_zeros();
-        let coarse_bits = (u64::BITS - prim_bits).min(COARSE_BITS_MAX);
-        Self { bucket_bits, coarse_bits, prim_bits }
+        let coarse_bits = (u64::BITS - prim_bits).min(COARSE_BITS_MAX).min(code_bits);
+        Self { bucket_bits, coarse_bits, fine_bits: code_bits - coarse_bits, prim_bits }
     }
 
-    /// Bits of the second word.
-    pub(super) fn fine_bits(self) -> u32 {
-        CODE_BITS - self.coarse_bits
+    pub(super) fn code_bits(self) -> u32 {
+        self.coarse_bits + self.fine_bits
     }
 
     #[inline(always)]
@@ -93,9 +95,13 @@ pub(super) struct Order {
 }
 
 impl Order {
-    pub(super) fn new(bounds: &[Aabb], stage: &Stage<'_>) -> Result<Self, BuildError> {
+    pub(super) fn new(
+        bounds: &[Aabb],
+        code_bits: u32,
+        stage: &Stage<'_>,
+    ) -> Result<Self, BuildError> {
         let count = bounds.len();
-        let split = Split::new(count);
+        let split = Split::new(count, code_bits);
         let centers = centers(bounds, stage)?;
         let curve = Curve::new(centers.lo, centers.hi, split.coarse_bits);
         let chunk = CHUNK.max(count.div_ceil(TASKS));

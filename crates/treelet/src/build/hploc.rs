@@ -15,13 +15,15 @@
 //!
 //! O(n) time. A tree too deep (ever larger boxes side by side) is given up for that of `lbvh`.
 
-use super::bottom_up::{self, Below, Cluster, Join};
+use super::bottom_up::{self, Below, Cluster, Cut, Join, Part};
 use super::lbvh::Lbvh;
 use super::{BuildError, Builder, Info, check_leaf_max};
 use crate::bounds::Aabb;
 use crate::context::Context;
+use crate::math::morton::CODE_BITS;
 use crate::tree::{DEPTH_MAX, Tree};
 use alloc::vec::Vec;
+use core::sync::atomic::AtomicU64;
 
 /// Joins neighbours on the Morton curve by the area of their common box.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,9 +48,10 @@ impl Builder for Hploc {
 
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
         check_leaf_max(self.leaf_max)?;
-        let (tree, depth) = bottom_up::build(self, self.leaf_max, bounds, context)?;
+        let cut = Cut { leaf_max: self.leaf_max, code_bits: CODE_BITS };
+        let (tree, depth) = bottom_up::build(self, cut, bounds, context)?;
         if depth > DEPTH_MAX {
-            return Lbvh { leaf_max: self.leaf_max }.build(bounds, context);
+            return Lbvh { leaf_max: self.leaf_max, ..Lbvh::DEFAULT }.build(bounds, context);
         }
         Ok(tree)
     }
@@ -78,11 +81,11 @@ impl Join for Hploc {
     type Open = Open;
 
     #[inline(always)]
-    fn push(&self, open: &mut Open, group: &[Cluster], level: u8, below: &mut Below<'_>) {
+    fn push(&self, open: &mut Open, part: &Part<'_>, below: &mut Below<'_>) {
         let mut begin = open.clusters.len();
-        open.clusters.extend_from_slice(group);
+        open.clusters.extend_from_slice(part.clusters);
         while let Some(&(left, parts)) = open.ranges.last()
-            && parts > level
+            && parts > part.level
         {
             open.ranges.pop();
             begin = left;
@@ -91,7 +94,7 @@ impl Join for Hploc {
                 open.clusters.truncate(begin + count);
             }
         }
-        open.ranges.push((begin, level));
+        open.ranges.push((begin, part.level));
     }
 
     fn finish(&self, open: &mut Open, count: usize, below: &mut Below<'_>) -> Vec<Cluster> {
@@ -102,8 +105,8 @@ impl Join for Hploc {
         core::mem::take(&mut open.clusters)
     }
 
-    fn keep(&self) -> usize {
-        KEPT
+    fn keep(&self, leaves: &mut [AtomicU64]) -> usize {
+        leaves.len().min(KEPT)
     }
 }
 
@@ -300,8 +303,8 @@ mod tests {
         /// Groups and the levels at which they part from the next.
         type Open = Vec<(Vec<Cluster>, u8)>;
 
-        fn push(&self, open: &mut Self::Open, group: &[Cluster], level: u8, _: &mut Below<'_>) {
-            open.push((group.to_vec(), level));
+        fn push(&self, open: &mut Self::Open, part: &Part<'_>, _: &mut Below<'_>) {
+            open.push((part.clusters.to_vec(), part.level));
         }
 
         fn finish(
@@ -315,8 +318,8 @@ mod tests {
             naive_reduce(all, count, count, below)
         }
 
-        fn keep(&self) -> usize {
-            KEPT
+        fn keep(&self, leaves: &mut [AtomicU64]) -> usize {
+            leaves.len().min(KEPT)
         }
     }
 
@@ -407,9 +410,10 @@ mod tests {
             ("nine", random_boxes(9, 0.1, 1.0e6)),
         ] {
             for leaf_max in [1, 4] {
+                let cut = Cut { leaf_max, code_bits: CODE_BITS };
                 let (tree, depth) =
-                    bottom_up::build(&Hploc::DEFAULT, leaf_max, &bounds, &context).unwrap();
-                let (expected, _) = bottom_up::build(&Naive, leaf_max, &bounds, &context).unwrap();
+                    bottom_up::build(&Hploc::DEFAULT, cut, &bounds, &context).unwrap();
+                let (expected, _) = bottom_up::build(&Naive, cut, &bounds, &context).unwrap();
                 assert!(tree == expected, "{name}, leaves of {leaf_max}");
                 assert_eq!(depth, tree.stats().depth, "{name}, leaves of {leaf_max}");
                 tree.validate(&bounds).unwrap();
@@ -433,11 +437,13 @@ mod tests {
         };
         let bounds: Vec<Aabb> = (0..5000).map(around).collect();
         let context = Context::default();
-        let (_, depth) = bottom_up::build(&Hploc::DEFAULT, 1, &bounds, &context).unwrap();
+        let cut = Cut { leaf_max: 1, code_bits: CODE_BITS };
+        let (_, depth) = bottom_up::build(&Hploc::DEFAULT, cut, &bounds, &context).unwrap();
         assert!(depth > DEPTH_MAX, "the test must make a deep tree: {depth}");
         let tree = Hploc { leaf_max: 1 }.build(&bounds, &context).unwrap();
         tree.validate(&bounds).unwrap();
-        assert_eq!(tree, Lbvh { leaf_max: 1 }.build(&bounds, &context).unwrap());
+        let lbvh = Lbvh { leaf_max: 1, ..Lbvh::DEFAULT };
+        assert_eq!(tree, lbvh.build(&bounds, &context).unwrap());
     }
 
     #[test]

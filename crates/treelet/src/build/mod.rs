@@ -8,11 +8,13 @@ mod bottom_up;
 pub mod clip;
 mod curve_leaves;
 mod curve_order;
+mod fill_leaves;
 mod groups;
 mod lanes;
 pub mod presplit;
 mod prim_ref;
 mod radix_sort;
+pub(crate) mod restructure;
 pub(crate) mod top_down;
 
 pub use clip::Clip;
@@ -126,7 +128,12 @@ catalogue! {
     sweep_sah::SweepSah,
     binned_sah::BinnedSah,
     lbvh::Lbvh,
+    hlbvh::Hlbvh,
+    ploc::Ploc,
     hploc::Hploc,
+    aac::Aac,
+    agglomerative::Agglomerative,
+    trbvh::Trbvh,
     sbvh::Sbvh,
 }
 

@@ -29,7 +29,7 @@ const CORNERS_MAX: usize = 9;
 
 /// A convex polygon.
 #[derive(Clone, Copy)]
-struct Polygon {
+pub(super) struct Polygon {
     corners: [[f64; 3]; CORNERS_MAX],
     len: usize,
 }
@@ -42,10 +42,7 @@ pub fn clipped_bounds(corners: &[[f32; 3]; 3], region: &Aabb) -> Aabb {
         return own;
     }
     let margin = MARGIN * f64::from(own.max_abs());
-    let mut polygon = Polygon { corners: [[0.0; 3]; CORNERS_MAX], len: 3 };
-    for (to, from) in polygon.corners.iter_mut().zip(corners) {
-        *to = from.map(f64::from);
-    }
+    let mut polygon = Polygon::new(corners);
     for axis in 0..3 {
         // Planes that leave the triangle whole need no cut.
         if region.lo[axis] > own.lo[axis] {
@@ -79,8 +76,22 @@ pub fn least_half_area([a, b, c]: &[[f32; 3]; 3]) -> f64 {
 }
 
 impl Polygon {
+    /// A triangle.
+    pub(super) fn new(corners: &[[f32; 3]; 3]) -> Self {
+        let mut polygon = Self { corners: [[0.0; 3]; CORNERS_MAX], len: 3 };
+        for (to, from) in polygon.corners.iter_mut().zip(corners) {
+            *to = from.map(f64::from);
+        }
+        polygon
+    }
+
+    /// Its corners, in order; nine of them at most, should rounding have bent a line.
+    pub(super) fn corners(&self) -> &[[f64; 3]] {
+        &self.corners[..self.len.min(CORNERS_MAX)]
+    }
+
     /// The part with `sign * coordinate <= limit` along an axis.
-    fn cut(&self, axis: usize, sign: f64, limit: f64) -> Self {
+    pub(super) fn cut(&self, axis: usize, sign: f64, limit: f64) -> Self {
         if self.len > CORNERS_MAX {
             return *self;
         }

@@ -1,5 +1,6 @@
 //! What a ray can hit, and what it answers.
 
+pub mod area;
 pub(crate) mod block;
 pub(crate) mod bundle;
 pub mod clip;

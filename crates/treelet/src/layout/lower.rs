@@ -4,12 +4,14 @@
 //! them ([`super::collapse`]; quick levels choose by [`super::greedy`]); then it is known what fills
 //! the slots of every wide node ([`super::select`]), and so how many there are; then each subtree is
 //! written by itself, straight to where it stays ([`super::write`]). What is written depends on the
-//! tree alone, not on the number of threads.
+//! tree alone, not on the number of threads. Last, the children of each node are put in the order in
+//! which any-hit walks enter them ([`super::order`]).
 //!
 //! Cost: O(n) time; beyond the result about 26 bytes an inner node of the tree for the plans, then
 //! `4 W + 12` bytes a wide node.
 
 use super::collapse::{Plan, Priced};
+use super::order::{self, Outlook};
 use super::select::{Entry, Selected, Selection, Top};
 use super::wide::{BLOCK_WORDS, Child, ENTRIES_MAX, LEAF_MAX, TRIANGLE_WORDS, Wide};
 use super::write::{Output, Writer};
@@ -58,7 +60,9 @@ pub(crate) fn lower<const W: usize>(
         return Ok(Lowered { wide, instances: Vec::new() });
     }
     let selection = select(tree, first_instance, collapse, cancel)?;
-    let writer = Writer { tree, source, first_instance, cancel };
+    let triangles = selection.pieces.iter().map(|piece| piece.entries[0]).sum();
+    let unit = order::unit(&tree.bounds());
+    let writer = Writer { tree, source, first_instance, triangles, unit, cancel };
     write(&writer, selection)
 }
 
@@ -157,14 +161,17 @@ fn write<const W: usize, F: Fn(&[u32], &mut [Packed]) + Sync>(
 ) -> Result<Lowered<W>, BuildError> {
     let Selection { top, pieces } = selection;
     let total = |count: fn(&Selected<W>) -> usize| pieces.iter().map(count).sum::<usize>();
-    let triangles = total(|piece| piece.entries[0]);
+    let triangles = writer.triangles;
     let instances = total(|piece| piece.entries[1]);
     let inside = total(|piece| piece.nodes.len());
     let mut nodes = Pages::zeroed(top.nodes.len() + inside, "wide nodes")?;
+    let mut outlooks = memory::try_with_capacity(nodes.len(), "outlooks of wide nodes")?;
+    outlooks.resize(nodes.len(), Outlook::default());
     let mut words = Pages::zeroed(triangles * TRIANGLE_WORDS + BLOCK_WORDS, "leaf blocks")?;
 
     // Give every piece its place.
     let (of_top, mut rest_of_nodes) = nodes.split_at_mut(top.nodes.len());
+    let mut rest_of_outlooks = outlooks.get_mut(top.nodes.len()..).unwrap_or_default();
     let mut rest_of_words = &mut *words;
     let mut jobs = Vec::with_capacity(pieces.len());
     let (mut base, mut triangle, mut instance) = (top.nodes.len() as u32, 0, triangles);
@@ -172,12 +179,14 @@ fn write<const W: usize, F: Fn(&[u32], &mut [Packed]) + Sync>(
         let count = piece.nodes.len();
         let (nodes, after) = core::mem::take(&mut rest_of_nodes).split_at_mut(count);
         rest_of_nodes = after;
+        let (outlooks, after) = core::mem::take(&mut rest_of_outlooks).split_at_mut(count);
+        rest_of_outlooks = after;
         let [of_triangles, of_instances] = piece.entries;
         let (words, after) =
             core::mem::take(&mut rest_of_words).split_at_mut(of_triangles * TRIANGLE_WORDS);
         rest_of_words = after;
         let instances = Vec::new();
-        jobs.push((piece, Output { nodes, base, words, triangle, instances, instance }));
+        jobs.push((piece, Output { nodes, base, outlooks, words, triangle, instances, instance }));
         base += count as u32;
         triangle += of_triangles;
         instance += of_instances;
@@ -199,5 +208,6 @@ fn write<const W: usize, F: Fn(&[u32], &mut [Packed]) + Sync>(
             }
         }
     }
+    order::arrange(of_top, 0, triangles, writer.unit, &mut outlooks);
     Ok(Lowered { wide: Wide { nodes, root, words, triangles }, instances: all })
 }

@@ -4,6 +4,7 @@ pub(crate) mod collapse;
 pub mod compact;
 mod greedy;
 pub(crate) mod lower;
+mod order;
 pub(crate) mod packing;
 mod select;
 pub mod wide;

@@ -1,7 +1,5 @@
 //! What fills the slots of each wide node, as a plan says, largest last; and the order of the nodes:
 //! parents before children, each followed by its largest child's subtree.
-//!
-//! A node's largest child is the one that any-hit walks enter first.
 
 use super::collapse::{Below, Plan, Priced};
 use super::wide::{Child, Node, SLOTS_MAX};

@@ -4,6 +4,7 @@
 //! that do not wait for each other overlap, which is what counts where every one misses the cache.
 
 use super::lower::Packed;
+use super::order::{self, Outlook};
 use super::select::{Chosen, NO_PARENT, Part, Selected};
 use super::wide::{Child, LEAF_MAX, Node, SLOTS_MAX, TRIANGLE_WORDS};
 use crate::context::{Cancel, Cancelled};
@@ -16,6 +17,10 @@ pub(super) struct Writer<'a, F> {
     /// Gives the triangles of some numbers.
     pub(super) source: &'a F,
     pub(super) first_instance: u32,
+    /// Leaves' entries from here on are instances.
+    pub(super) triangles: usize,
+    /// The scale of [`order::unit`].
+    pub(super) unit: f32,
     pub(super) cancel: &'a Cancel,
 }
 
@@ -24,6 +29,8 @@ pub(super) struct Output<'a, const W: usize> {
     /// Room for its nodes, and the number of the first one.
     pub(super) nodes: &'a mut [Node<W>],
     pub(super) base: u32,
+    /// Of its nodes.
+    pub(super) outlooks: &'a mut [Outlook],
     /// Room for its triangles, in words, and the number of the first one.
     pub(super) words: &'a mut [f32],
     pub(super) triangle: usize,
@@ -78,6 +85,8 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
                 }
             }
         }
+        let Writer { unit, triangles, .. } = *self;
+        order::arrange(output.nodes, output.base, triangles, unit, output.outlooks);
         Ok((children, output.instances))
     }
 

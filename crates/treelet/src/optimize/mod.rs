@@ -37,6 +37,9 @@ macro_rules! catalogue {
 catalogue! {
     reinsertion::Reinsertion,
     top_reinsertion::TopReinsertion,
+    treelets::Treelets,
+    rotations::Rotations,
+    insertion::Insertion,
 }
 
 /// The optimiser of that name, with its default options.

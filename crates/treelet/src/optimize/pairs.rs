@@ -71,6 +71,26 @@ pub(super) struct Loose {
     height: u32,
 }
 
+/// Two subtrees that are out of the tree, and what was around them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Apart {
+    node: Id,
+    /// Where its sibling is now.
+    pub(super) parent: Id,
+    /// Their pair's.
+    left: Id,
+    pub(super) children: [Place; 2],
+    /// By how much the cost fell.
+    pub(super) saved: f64,
+}
+
+impl Apart {
+    /// The pairs that are free.
+    pub(super) fn free(&self) -> [u32; 2] {
+        [self.node / 2, self.left / 2]
+    }
+}
+
 /// The path from a node to the root, both included.
 pub(super) struct Path {
     ids: [Id; DEPTH_MAX as usize],
@@ -250,16 +270,81 @@ impl Pairs {
         }
     }
 
-    /// Makes the boxes tight from an inner node on upward, as far as something changes.
-    fn refit(&mut self, mut id: Id) {
+    /// Makes the boxes tight from an inner node on upward, as far as something changes; returns by how
+    /// much their areas grow.
+    fn refit(&mut self, mut id: Id) -> f64 {
+        let mut growth = 0.0;
         loop {
             let now = self.around(self.at(id).first);
             let old = core::mem::replace(self.at_mut(id), now);
+            growth += now.bounds.half_area() - old.bounds.half_area();
             if id == ROOT || old.bounds == now.bounds && old.word == now.word {
-                return;
+                return growth;
             }
             id = self.parent(id);
         }
+    }
+
+    /// The same above a place that changed.
+    fn refit_above(&mut self, id: Id) -> f64 {
+        if id == ROOT { 0.0 } else { self.refit(self.parent(id)) }
+    }
+
+    /// Takes an inner node but the root away, and the two subtrees below it, whose pair and whose
+    /// own are then free.
+    pub(super) fn take_apart(&mut self, node: Id) -> Option<Apart> {
+        let left = self.at(node).left().filter(|_| node != ROOT)?;
+        let (sibling, parent) = (node ^ 1, self.parent(node));
+        let children = [*self.at(left), *self.at(left + 1)];
+        let saved = self.at(node).bounds.half_area() + self.at(parent).bounds.half_area();
+        self.put(parent, *self.at(sibling));
+        let growth = self.refit_above(parent);
+        Some(Apart { node, parent, left, children, saved: saved - growth })
+    }
+
+    /// Makes everything as it was before [`Pairs::take_apart`], where nothing else changed.
+    pub(super) fn put_back(&mut self, apart: &Apart) {
+        let Apart { node, parent, left, children, .. } = *apart;
+        self.put(node ^ 1, *self.at(parent));
+        self.put(left, children[0]);
+        self.put(left + 1, children[1]);
+        self.put(node, self.around(left / 2));
+        self.put(parent, self.around(node / 2));
+        self.refit_above(parent);
+    }
+
+    /// Makes something the sibling of `target`, in a free pair; returns what that costs. `None` if the
+    /// tree would grow too deep.
+    pub(super) fn insert(&mut self, place: Place, pair: u32, target: Id) -> Option<f64> {
+        let height = place.height().max(self.at(target).height());
+        if self.path(target).len as u32 + 1 + height > DEPTH_MAX {
+            return None;
+        }
+        self.put(2 * pair, *self.at(target));
+        self.put(2 * pair + 1, place);
+        self.put(target, self.around(pair));
+        Some(self.at(target).bounds.half_area() + self.refit_above(target))
+    }
+
+    /// Takes away again what was the last to be inserted, in that pair.
+    pub(super) fn remove(&mut self, pair: u32) {
+        let target = self.parent(2 * pair);
+        self.put(target, *self.at(2 * pair));
+        self.refit_above(target);
+    }
+
+    /// What [`Pairs::insert`] would cost.
+    pub(super) fn cost_beside(&self, bounds: &Aabb, target: Id) -> f64 {
+        let grown = |id: Id| self.at(id).bounds.union(bounds).half_area();
+        let path = self.path(target);
+        let above = path.ids()[1..].iter().map(|&id| (id, grown(id)));
+        let growth = above.map(|(id, grown)| grown - self.at(id).bounds.half_area());
+        grown(target) + growth.sum::<f64>()
+    }
+
+    /// Whether a node is `above` or below it.
+    pub(super) fn is_below(&self, node: Id, above: Id) -> bool {
+        self.path(node).ids().contains(&above)
     }
 
     /// The tree, depth first: the nodes of a left subtree come before those of the right one, and

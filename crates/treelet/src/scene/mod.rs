@@ -6,12 +6,14 @@ mod error;
 mod gather;
 mod place;
 mod quality;
+mod recipe;
 mod report;
 mod slices;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
+pub use recipe::{Recipe, RecipeError};
 pub use report::{BuildReport, Skipped};
 pub use slices::HitLists;
 

@@ -2,8 +2,10 @@
 //! bits at once; `vpcompressd` moves the lanes that matter to the front.
 
 use super::x86::four;
-use super::{Doubles, Floats, Four, Shuffle, Simd};
+use super::{Doubles, Floats, Four, RayColumns, Shuffle, Simd};
+use crate::math::Ray;
 use core::arch::x86_64::*;
+use core::mem::offset_of;
 
 token! {
     /// Exists only where these parts of AVX-512 do.
@@ -47,6 +49,49 @@ impl Simd for Avx512 {
             }
         }
         out
+    }
+
+    /// The words wanted stand at the beginning of each ray, so that half a vector loads them. Three
+    /// steps of 8 shuffles: pairs, quads, then quarters.
+    #[inline(always)]
+    fn rays(self, rays: &[&Ray; 16]) -> RayColumns {
+        const {
+            assert!(offset_of!(Ray, origin) == 0 && offset_of!(Ray, t_min) == 12);
+            assert!(offset_of!(Ray, direction) == 16 && offset_of!(Ray, t_max) == 28);
+        }
+        let mut columns = [[0.0; 16]; 8];
+        // SAFETY: the token shows that the processor has the instructions; every ray has 8 words to
+        // be read, as is asserted above, and every column room for 16.
+        unsafe {
+            let mut quads = [_mm512_setzero_ps(); 8];
+            for (half, first) in [0, 8].into_iter().enumerate() {
+                // Rays `first .. first + 4` below, `first + 4 .. first + 8` above.
+                let mut pairs = [_mm512_setzero_ps(); 4];
+                for i in [0, 1, 2, 3] {
+                    let lower = _mm256_loadu_ps(core::ptr::from_ref(rays[first + i]).cast());
+                    let upper = _mm256_loadu_ps(core::ptr::from_ref(rays[first + 4 + i]).cast());
+                    pairs[i] = _mm512_insertf32x8::<1>(_mm512_castps256_ps512(lower), upper);
+                }
+                let [a, b, c, d] = pairs;
+                let ab = [_mm512_unpacklo_ps(a, b), _mm512_unpackhi_ps(a, b)];
+                let cd = [_mm512_unpacklo_ps(c, d), _mm512_unpackhi_ps(c, d)];
+                for odd in [0, 1] {
+                    let (ab, cd) = (_mm512_castps_pd(ab[odd]), _mm512_castps_pd(cd[odd]));
+                    let (lower, upper) = (_mm512_unpacklo_pd(ab, cd), _mm512_unpackhi_pd(ab, cd));
+                    quads[4 * half + 2 * odd] = _mm512_castpd_ps(lower);
+                    quads[4 * half + 2 * odd + 1] = _mm512_castpd_ps(upper);
+                }
+            }
+            // Quarters 0 and 2 of `quads[k]` hold word `k` of 8 rays, quarters 1 and 3 word `4 + k`.
+            for k in [0, 1, 2, 3] {
+                let (a, b) = (quads[k], quads[4 + k]);
+                let (even, odd) =
+                    (_mm512_shuffle_f32x4::<0x88>(a, b), _mm512_shuffle_f32x4::<0xDD>(a, b));
+                _mm512_storeu_ps(columns[k].as_mut_ptr(), even);
+                _mm512_storeu_ps(columns[4 + k].as_mut_ptr(), odd);
+            }
+        }
+        columns
     }
 
     /// Four steps of 16 shuffles: pairs, quads, then whole quarters twice.

@@ -90,6 +90,7 @@ mod wasm;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use crate::math::Ray;
 pub use level::Level;
 pub(crate) use level::{Checked, Kernel};
 pub(crate) use scalar::Scalar;
@@ -130,6 +131,9 @@ pub(crate) trait Floats<const N: usize>: Copy {
     /// The bits of each lane, or those of a half word.
     fn or_halves(self, halves: &[u16; N]) -> Self;
 }
+
+/// What [`Simd::rays`] gives.
+pub(crate) type RayColumns = [[f32; 16]; 8];
 
 /// Which of 16 bytes become the bytes of four lanes; [`NO_BYTE`] for zero.
 pub(crate) type Shuffle = [u8; 16];
@@ -237,6 +241,19 @@ pub(crate) trait Simd: Enter {
     #[inline(always)]
     fn compress<const W: usize>(self, mask: u32, items: &[u32; W]) -> [u32; W] {
         compress_by_bits(mask, items)
+    }
+
+    /// Of 16 rays, a ray a lane: origins, `t_min`, directions, `t_max`.
+    #[inline(always)]
+    fn rays(self, rays: &[&Ray; 16]) -> RayColumns {
+        let mut columns = [[0.0; 16]; 8];
+        for (lane, &&Ray { origin, t_min, direction, t_max, .. }) in rays.iter().enumerate() {
+            let ([a, b, c], [x, y, z]) = (origin, direction);
+            for (column, word) in columns.iter_mut().zip([a, b, c, t_min, x, y, z, t_max]) {
+                column[lane] = word;
+            }
+        }
+        columns
     }
 
     /// The columns of 16 rows.

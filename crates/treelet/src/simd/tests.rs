@@ -1,6 +1,7 @@
 //! Every level against the scalar one, bit for bit, on values that do something odd.
 
 use super::{Checked, Doubles, Floats, Four, Kernel, Level, NO_BYTE, Simd, Wide};
+use crate::math::Ray;
 use alloc::vec::Vec;
 
 const ODD: [f32; 16] = [
@@ -46,6 +47,14 @@ impl Kernel for Everything {
             core::array::from_fn(|row| core::array::from_fn(|lane| (100 * row + lane) as f32));
         let mut columns = [[0.0; 16]; 16];
         simd.transpose(&core::array::from_fn(|row| &rows[row]), &mut columns);
+        bits.extend(columns.iter().flatten().copied().map(narrow_bits));
+        let rays: [Ray; 16] = core::array::from_fn(|lane| {
+            let word = |i: usize| (100 * lane + i) as f32;
+            let mut ray = Ray::new([word(0), word(1), word(2)], [word(4), word(5), word(6)]);
+            (ray.t_min, ray.t_max) = (word(3), word(7));
+            ray
+        });
+        let columns = simd.rays(&core::array::from_fn(|lane| &rays[lane]));
         bits.extend(columns.iter().flatten().copied().map(narrow_bits));
         simd.prefetch(bits.as_ptr());
         bits

@@ -115,7 +115,7 @@ impl Order for ByEntry {
 }
 
 impl Order for Child {
-    /// In the node's order, the largest box uppermost.
+    /// In the node's order, its last child uppermost: the likeliest to stop the ray for what it costs.
     #[inline(always)]
     fn spread<S: Wide<W>, const W: usize>(
         simd: S,
@@ -124,8 +124,8 @@ impl Order for Child {
         _: S::F,
         stack: &mut Stack<'_, Self, STACK_NEAR>,
     ) -> Child {
-        let largest = (u32::BITS - 1 - mask.leading_zeros()) as usize;
-        let mut rest = mask & !(1 << largest);
+        let last = (u32::BITS - 1 - mask.leading_zeros()) as usize;
+        let mut rest = mask & !(1 << last);
         if S::COMPRESSES {
             let packed = simd.compress(rest, &words(children));
             stack.push_first(packed.map(Child), rest.count_ones() as usize);
@@ -135,7 +135,7 @@ impl Order for Child {
                 rest &= rest - 1;
             }
         }
-        children[largest % W]
+        children[last % W]
     }
 }
 

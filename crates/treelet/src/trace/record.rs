@@ -11,7 +11,7 @@ use crate::bounds::{Aabb, Interval, SlabRay, slab};
 use crate::geometry::bundle::Bundle;
 use crate::geometry::triangle::{NEXT, Ordinary, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
 use crate::math::Ray;
-use crate::simd::{Floats, Scalar, Simd};
+use crate::simd::{Floats, RayColumns, Scalar, Simd};
 
 /// Rays that are prepared, and that triangles are tested against, at once.
 pub(crate) const RAYS: usize = 16;
@@ -141,7 +141,7 @@ pub(crate) fn records<S: Simd>(
     out: &mut [Record; RAYS],
 ) {
     let mut words = [[0.0; RAYS]; 16];
-    columns(simd, structure, class, rays, slots, &mut words);
+    columns(simd, structure, class, &gather(simd, rays, slots), &mut words);
     let mut rows = [[0.0; 16]; RAYS];
     transpose(simd, &words, &mut rows);
     for lane in 0..RAYS {
@@ -149,29 +149,28 @@ pub(crate) fn records<S: Simd>(
     }
 }
 
-/// The same as columns; returns the directions along the longest axis.
+/// Up to 16 rays side by side; lanes beyond repeat the last.
+#[inline(always)]
+pub(crate) fn gather<S: Simd>(simd: S, rays: &[Ray], slots: &[u32]) -> RayColumns {
+    let mut borrowed = [&rays[slots[0] as usize]; RAYS];
+    for lane in 1..RAYS {
+        borrowed[lane] = &rays[slots[lane.min(slots.len() - 1)] as usize];
+    }
+    simd.rays(&borrowed)
+}
+
+/// The same as columns, of rays side by side; returns the directions along the longest axis.
 #[inline(always)]
 pub(crate) fn columns<S: Simd>(
     simd: S,
     structure: &Structure,
     class: Class,
-    rays: &[Ray],
-    slots: &[u32],
+    rays: &RayColumns,
     words: &mut Columns,
 ) -> [f32; RAYS] {
-    let mut rows = [[0.0; 16]; RAYS];
-    for lane in 0..RAYS {
-        let Ray { origin, direction, t_min, t_max, .. } =
-            rays[slots[lane.min(slots.len() - 1)] as usize];
-        let [ox, oy, oz] = origin;
-        let [dx, dy, dz] = direction;
-        rows[lane][..8].copy_from_slice(&[ox, oy, oz, dx, dy, dz, t_min, t_max]);
-    }
-    let mut columns = [[0.0; 16]; 16];
-    transpose(simd, &rows, &mut columns);
-    let column = |i: usize| S::F16::load(simd, &columns[i]);
+    let column = |i: usize| S::F16::load(simd, &rays[i]);
     let origin = [column(0), column(1), column(2)];
-    let direction = [column(3), column(4), column(5)];
+    let direction = [column(4), column(5), column(6)];
 
     // Widen.
     let splat = |x: f32| S::F16::splat(simd, x);
@@ -195,8 +194,8 @@ pub(crate) fn columns<S: Simd>(
         words[FAR + axis] = far.lanes();
         words[RECIPROCAL + axis] = reciprocal.lanes();
     }
-    words[T_MIN] = columns[6];
-    words[T_MAX] = columns[7];
+    words[T_MIN] = rays[3];
+    words[T_MAX] = rays[7];
 
     // Prepare for triangles.
     let [x, y, z] = class.axes().map(|axis| usize::from(axis.min(2)));

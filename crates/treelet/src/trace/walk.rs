@@ -32,7 +32,7 @@ use core::ops::ControlFlow;
 /// What a query makes of the hits that a walk finds.
 pub(crate) trait Visitor<'a> {
     /// What the walk's stack holds: [`ByEntry`] where finding near hits early saves work. With
-    /// [`Child`], large boxes come first: they are the likeliest to hold any hit.
+    /// [`Child`], the order of `layout/order.rs`: what is likely to stop a ray, and cheap, comes first.
     type Pending: Pending + Order;
 
     /// The greatest `t` that still matters; hits at this very `t` do.

@@ -96,7 +96,8 @@ impl Tree {
 }
 
 impl SahConstants {
-    fn price(&self, node: &Node) -> f64 {
+    /// Of visiting a node, or of testing all that a leaf holds.
+    pub(super) fn price(&self, node: &Node) -> f64 {
         match node.kind() {
             Kind::Inner { .. } => self.visit,
             Kind::Leaf { count, .. } => self.prim * count as f64,

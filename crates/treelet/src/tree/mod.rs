@@ -5,9 +5,18 @@
 //! a reverse sweep sees children before parents, and nothing is a pointer.
 
 pub mod cost;
+pub(crate) mod sweep;
+mod draws;
+pub mod epo;
+mod kinship;
+pub mod lines;
+pub mod surface;
 pub mod validate;
 
 pub use cost::{SahConstants, TreeStats};
+pub use draws::Estimate;
+pub use lines::LineStats;
+pub use surface::Surface;
 pub use validate::TreeError;
 
 use crate::bounds::Aabb;

@@ -34,7 +34,7 @@ where
     let structure = walk.structure;
     let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
     let mut block = ROOM;
-    let count = walk.group.packets.len();
+    let count = walk.group.count;
     walk.group.stacks[0][0] = Waiting::new(wide.root, ((1_u32 << count) - 1) as u16);
     let (mut len, mut nodes) = (1, 0);
     while len > 0 {
@@ -77,7 +77,7 @@ where
 }
 
 /// Stacks the children of a node that some packets may meet: the nearest uppermost, or, if nearness
-/// saves no work, in the node's order, the largest uppermost. Returns the stack's new length.
+/// saves no work, in the node's order, its last child uppermost. Returns the stack's new length.
 #[inline(always)]
 fn visit<'a, K: Packing<W>, S: Wide<W>, A: Answers<'a>, const W: usize>(
     simd: S,

@@ -6,7 +6,7 @@
 use super::super::record::{Class, RAYS};
 use super::group::GROUP;
 use crate::math::{Ray, ray};
-use crate::simd::{Floats, Simd};
+use crate::simd::{Floats, RayColumns, Simd};
 
 /// Slopes that differ by at most this are near.
 const NEAR: f32 = 0.08;
@@ -21,7 +21,7 @@ const SMALL: usize = 8;
 const SAMPLES: usize = 16;
 
 /// 16 rows of rays.
-const ROWS: usize = GROUP / RAYS;
+pub(super) const ROWS: usize = GROUP / RAYS;
 
 /// The direction of a ray: its class, and its slopes.
 #[derive(Clone, Copy)]
@@ -85,12 +85,16 @@ struct Bearings {
     slopes: [[f32; RAYS]; 2],
 }
 
-/// The places of a run's rays, sorted into bundles.
+/// The places of a run's rays, sorted into bundles. Kept from run to run: clearing it would take
+/// longer than some of the sorting.
 pub(super) struct Bundles {
+    /// The rays side by side, 16 after 16, and their bearings.
+    columns: [RayColumns; ROWS],
+    bearings: [Bearings; ROWS],
     places: [u32; GROUP + RAYS],
     /// Where bundles begin and end.
     bundles: [(u32, u32); LEADERS],
-    len: usize,
+    pub(super) len: usize,
     /// Rays in bundles.
     pub(super) bundled: usize,
     /// The valid rays that are in none.
@@ -98,36 +102,39 @@ pub(super) struct Bundles {
 }
 
 impl Bundles {
+    /// Of no rays.
+    pub(super) const EMPTY: Self = Self {
+        columns: [[[0.0; RAYS]; 8]; ROWS],
+        bearings: [Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] }; ROWS],
+        places: [0; GROUP + RAYS],
+        bundles: [(0, 0); LEADERS],
+        len: 0,
+        bundled: 0,
+        rest: [0; ROWS],
+    };
+
     /// Sorts the rays of a run, [`GROUP`] at most.
     #[inline(always)]
-    pub(super) fn new<S: Simd>(simd: S, rays: &[Ray]) -> Self {
-        let mut bearings = [Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] }; ROWS];
-        let mut rest = [0_u32; ROWS];
-        for ((rays, bearings), rest) in rays.chunks(RAYS).zip(&mut bearings).zip(&mut rest) {
-            *rest = look(simd, rays, bearings);
+    pub(super) fn sort<S: Simd>(&mut self, simd: S, rays: &[Ray]) {
+        (self.len, self.bundled, self.rest) = (0, 0, [0; ROWS]);
+        for (row, rays) in rays.chunks(RAYS).take(ROWS).enumerate() {
+            let (columns, bearings) = (&mut self.columns[row], &mut self.bearings[row]);
+            self.rest[row] = look(simd, rays, columns, bearings);
         }
-        let mut out = Self {
-            places: [0; GROUP + RAYS],
-            bundles: [(0, 0); LEADERS],
-            len: 0,
-            bundled: 0,
-            rest,
-        };
         let rows = rays.len().div_ceil(RAYS).min(ROWS);
         let mut tried = [0_u32; ROWS];
         let mut row = 0;
-        while out.len < LEADERS {
+        while self.len < LEADERS {
             // The first ray that is in no bundle leads the next.
-            while row < rows && out.rest[row] & !tried[row] == 0 {
+            while row < rows && self.rest[row] & !tried[row] == 0 {
                 row += 1;
             }
             if row == rows {
                 break;
             }
-            let lane = (out.rest[row] & !tried[row]).trailing_zeros() as usize % RAYS;
-            out.join(simd, &bearings, row, lane, rows, &mut tried);
+            let lane = (self.rest[row] & !tried[row]).trailing_zeros() as usize % RAYS;
+            self.join(simd, row, lane, rows, &mut tried);
         }
-        out
     }
 
     /// Puts the rays that go with one of them into a bundle.
@@ -135,7 +142,6 @@ impl Bundles {
     fn join<S: Simd>(
         &mut self,
         simd: S,
-        bearings: &[Bearings; ROWS],
         row: usize,
         lane: usize,
         rows: usize,
@@ -143,16 +149,16 @@ impl Bundles {
     ) {
         let splat = |x: f32| S::F16::splat(simd, x);
         let load = |lanes: &[f32; RAYS]| S::F16::load(simd, lanes);
-        let leader = &bearings[row];
+        let leader = &self.bearings[row];
         let class = splat(leader.class[lane]);
         let (x, y) = (splat(leader.slopes[0][lane]), splat(leader.slopes[1][lane]));
         let (low, high) = (splat(-NEAR), splat(NEAR));
         let mut near = [0_u32; ROWS];
         let mut count = 0;
         for at in 0..rows {
-            let other = load(&bearings[at].class);
-            let dx = load(&bearings[at].slopes[0]).sub(x);
-            let dy = load(&bearings[at].slopes[1]).sub(y);
+            let other = load(&self.bearings[at].class);
+            let dx = load(&self.bearings[at].slopes[0]).sub(x);
+            let dy = load(&self.bearings[at].slopes[1]).sub(y);
             let same = class.le(other) & other.le(class);
             let near_x = low.le(dx) & dx.le(high);
             let near_y = low.le(dy) & dy.le(high);
@@ -183,39 +189,38 @@ impl Bundles {
         self.len += 1;
     }
 
+    /// The rays side by side, if all of the run, of that length, are one bundle: places are in order.
+    #[inline(always)]
+    pub(super) fn whole(&self, len: usize) -> Option<&[RayColumns; ROWS]> {
+        (self.len == 1 && self.bundled == len).then_some(&self.columns)
+    }
+
     /// The places of the valid rays that are in no bundle.
     #[inline(always)]
     pub(super) fn rest(&self) -> impl Iterator<Item = usize> {
         (0..GROUP).filter(|place| self.rest[place / RAYS] >> (place % RAYS) & 1 != 0)
     }
 
-    /// The places of the rays of each bundle.
+    /// The places of the rays of a bundle.
     #[inline(always)]
-    pub(super) fn iter(&self) -> impl Iterator<Item = &[u32]> {
-        self.bundles[..self.len]
-            .iter()
-            .map(|&(start, end)| &self.places[start as usize..end as usize])
+    pub(super) fn places(&self, bundle: usize) -> &[u32] {
+        let (start, end) = self.bundles[bundle % LEADERS];
+        &self.places[start as usize..end as usize]
     }
 }
 
 /// Looks at up to 16 rays; says which are valid.
 #[inline(always)]
-fn look<S: Simd>(simd: S, rays: &[Ray], out: &mut Bearings) -> u32 {
-    let mut rows = [[0.0; 16]; RAYS];
-    for (row, ray) in rows.iter_mut().zip(rays) {
-        let Ray { origin: [a, b, c], direction: [x, y, z], t_min, t_max, .. } = *ray;
-        row[..8].copy_from_slice(&[a, b, c, t_min, x, y, z, t_max]);
+fn look<S: Simd>(simd: S, rays: &[Ray], columns: &mut RayColumns, out: &mut Bearings) -> u32 {
+    let mut borrowed = [&rays[0]; RAYS];
+    for lane in 1..RAYS {
+        borrowed[lane] = &rays[lane.min(rays.len() - 1)];
     }
-    let mut borrowed = [&rows[0]; RAYS];
-    for lane in 0..RAYS {
-        borrowed[lane] = &rows[lane];
-    }
-    let mut columns = [[0.0; 16]; 16];
-    simd.transpose(&borrowed, &mut columns);
+    *columns = simd.rays(&borrowed);
     let column = |i: usize| S::F16::load(simd, &columns[i]);
     let splat = |x: f32| S::F16::splat(simd, x);
 
-    // What `Ray::is_valid` says. A row without a ray has no direction.
+    // What `Ray::is_valid` says.
     let [low, high] = [splat(-ray::LONGEST), splat(ray::LONGEST)];
     let [back, ahead] = [splat(-ray::SHORTEST), splat(ray::SHORTEST)];
     let infinite = splat(f32::INFINITY);
@@ -230,7 +235,7 @@ fn look<S: Simd>(simd: S, rays: &[Ray], out: &mut Bearings) -> u32 {
     }
     valid &= long;
 
-    let [.., x, y, z, _, _, _, _, _, _, _, _, _] = &columns;
+    let [.., x, y, z, _] = &*columns;
     for lane in 0..RAYS {
         // What `Class::of` and `longest_axis` say.
         let (x, y, z) = (x[lane], y[lane], z[lane]);
@@ -272,5 +277,5 @@ fn look<S: Simd>(simd: S, rays: &[Ray], out: &mut Bearings) -> u32 {
         out.slopes[0][lane] = first * reciprocal;
         out.slopes[1][lane] = second * reciprocal;
     }
-    valid
+    valid & ((1 << rays.len()) - 1)
 }

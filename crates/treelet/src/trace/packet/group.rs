@@ -1,9 +1,10 @@
 //! Rays that are walked together: up to 16 packets of 16, and what bounds them.
 
 use super::super::record::{
-    Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns,
+    Class, Columns, FAR, NEAR, RAYS, RECIPROCAL, Record, Rest, T_MAX, T_MIN, columns, gather,
 };
 use super::super::structure::Structure;
+use super::bundles::Bundles;
 use crate::bounds::Aabb;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, Wide as WideTree};
@@ -140,7 +141,10 @@ impl Waiting {
 
 /// The rays of a group.
 pub(crate) struct Group {
+    /// [`PACKETS`], of which the first `count` are in use.
     pub(super) packets: Vec<Packet>,
+    pub(super) count: usize,
+    pub(super) bundles: Bundles,
     /// Of each packet, a packet a lane.
     pub(super) spreads: Spread<[f32; PACKETS]>,
     /// Of all of them, as they were to begin with.
@@ -158,8 +162,12 @@ impl Group {
     /// Room for a group.
     pub(crate) fn new() -> Result<Self, OutOfMemory> {
         let nothing = Waiting::new(Child::END, 0);
+        let mut packets = try_with_capacity(PACKETS, "packets of rays")?;
+        packets.resize(PACKETS, Packet::EMPTY);
         Ok(Self {
-            packets: try_with_capacity(PACKETS, "packets of rays")?,
+            packets,
+            count: 0,
+            bundles: Bundles::EMPTY,
             spreads: Spread::default(),
             all: Spread::default(),
             stacks: [[nothing; WAITING]; 2],
@@ -167,7 +175,7 @@ impl Group {
         })
     }
 
-    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class.
+    /// Takes in the rays of `slots`, [`GROUP`] at most, all of a class: a bundle of the run of `len`.
     #[inline(always)]
     pub(super) fn fill<S: Simd>(
         &mut self,
@@ -176,19 +184,27 @@ impl Group {
         class: Class,
         rays: &[Ray],
         slots: &[u32],
+        len: usize,
     ) {
-        self.packets.clear();
-        for slots in slots.chunks(RAYS).take(PACKETS) {
-            self.packets.push(Packet::EMPTY);
-            let Some(packet) = self.packets.last_mut() else { return };
+        self.count = slots.len().div_ceil(RAYS);
+        let whole = self.bundles.whole(len);
+        for (at, (slots, packet)) in slots.chunks(RAYS).zip(&mut self.packets).enumerate() {
+            let words = &mut packet.columns;
+            packet.along = match whole {
+                Some(rows) => columns(simd, structure, class, &rows[at % PACKETS], words),
+                None => columns(simd, structure, class, &gather(simd, rays, slots), words),
+            };
             packet.len = slots.len();
-            packet.along = columns(simd, structure, class, rays, slots, &mut packet.columns);
+            packet.id = [NONE; RAYS];
+            let mut seeing = 0;
             for lane in 0..RAYS {
                 let slot = slots[lane.min(slots.len() - 1)];
                 packet.slots[lane] = slot;
-                if lane < slots.len() && rays[slot as usize].mask != 0 {
-                    packet.alive |= 1 << lane;
-                } else {
+                seeing |= u32::from(rays[slot as usize].mask != 0) << lane;
+            }
+            packet.alive = seeing & ((1 << slots.len()) - 1);
+            if packet.alive != u32::from(u16::MAX) {
+                for lane in (0..RAYS).filter(|lane| packet.alive >> lane & 1 == 0) {
                     packet.columns[T_MAX][lane] = f32::NEG_INFINITY;
                 }
             }
@@ -199,7 +215,7 @@ impl Group {
     #[inline(always)]
     fn bound<S: Simd>(&mut self, simd: S, structure: &Structure, class: Class) {
         let spreads = &mut self.spreads;
-        let packets = &self.packets;
+        let packets = &self.packets[..self.count.min(PACKETS)];
         for axis in 0..3 {
             let near = extremes(simd, packets, NEAR + axis);
             let far = extremes(simd, packets, FAR + axis);

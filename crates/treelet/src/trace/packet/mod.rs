@@ -67,7 +67,7 @@ use crate::layout::packing::Packing;
 use crate::math::Ray;
 use crate::simd::{Kernel, Wide};
 use alloc::vec::Vec;
-use bundles::{Bundles, LEADERS, seem_coherent};
+use bundles::{LEADERS, seem_coherent};
 use group::NONE;
 
 /// Starts of rays that go together are nearer to each other than this part of the scene's diagonal.
@@ -94,7 +94,7 @@ impl<'a, A: Answers<'a>> Walk<'a, '_, A> {
         let structure = self.structure;
         // Without instances nothing was written before, not even misses.
         let flat = structure.instances.is_empty();
-        for packet in &self.group.packets {
+        for packet in self.group.packets.iter().take(self.group.count) {
             for lane in 0..packet.len.min(RAYS) {
                 let (t, id) = (packet.columns[T_MAX][lane], packet.id[lane]);
                 let (u, v) = (packet.u[lane], packet.v[lane]);
@@ -138,23 +138,24 @@ pub(crate) fn run<'a, K, S, A, const W: usize>(
         rest.extend(first as u32..end as u32);
         return;
     }
-    let bundles = Bundles::new(simd, run);
-    let partly = bundles.bundled < run.len();
+    group.bundles.sort(simd, run);
+    let partly = group.bundles.bundled < run.len();
     if partly || !structure.instances.is_empty() || !A::NEAREST_FIRST {
         answers.clear(first..end);
     }
     if partly {
-        rest.extend(bundles.rest().map(|place| (first + place) as u32));
+        rest.extend(group.bundles.rest().map(|place| (first + place) as u32));
     }
-    for places in bundles.iter() {
+    for bundle in 0..group.bundles.len {
         let mut slots = [0; GROUP];
+        let places = group.bundles.places(bundle);
         for (slot, place) in slots.iter_mut().zip(places) {
             *slot = first as u32 + place;
         }
         let slots = &slots[..places.len().min(GROUP)];
         let Some(&slot) = slots.first() else { continue };
         let class = Class::of(&rays[slot as usize]);
-        group.fill(simd, structure, class, rays, slots);
+        group.fill(simd, structure, class, rays, slots, run.len());
         let mut walk = Walk { structure, class, rays, answers: &mut *answers, group: &mut *group };
         beam::beam::<K, S, A, W>(simd, &mut walk);
         if A::NEAREST_FIRST {

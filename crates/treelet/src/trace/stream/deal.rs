@@ -102,9 +102,9 @@ impl<K: Packing<W>, F: Copy, const W: usize> Met<'_, K, F, W> {
         }
     }
 
-    /// Larger children last.
+    /// In the node's order: the last child, the likeliest to stop rays for what it costs, ends up uppermost.
     #[inline(always)]
-    pub(super) fn deal_largest_first<S: Simd>(self, simd: S, room: &mut Room) {
+    pub(super) fn deal_likeliest_first<S: Simd>(self, simd: S, room: &mut Room) {
         let mut rest = self.children;
         let mut end = self.list.start + self.list.len;
         while rest != 0 {

@@ -120,7 +120,7 @@ pub(crate) fn stream<'a, K, S, A, const W: usize>(
                     };
                     met.deal_nearest_first(simd, key, stream.room);
                 } else {
-                    met.deal_largest_first(simd, stream.room);
+                    met.deal_likeliest_first(simd, stream.room);
                 }
             }
             ChildKind::Leaf { first, count } if first < wide.triangles => {

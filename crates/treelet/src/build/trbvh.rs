@@ -1,0 +1,48 @@
+//! TRBVH: the hierarchy of the Morton curve, its treelets then arranged in the best way there is, in
+//! rounds.
+//!
+//! Source: T. Karras and T. Aila, "Fast Parallel Construction of High-Quality Bounding Volume
+//! Hierarchies", HPG 2013: leaves of one primitive by Morton codes of 63 bits ([`super::lbvh`]), three
+//! rounds over treelets of seven leaves ([`super::restructure`], which says where it differs).
+//!
+//! What this does may be covered by US 2014/0365532 and US 2014/0365529 (NVIDIA); their legal state is
+//! unknown to us. No quality level uses it.
+
+use super::restructure::{LEAVES, Rounds, restructure};
+use super::{BuildError, Builder, Info, Lbvh, check_leaf_max, check_option};
+use crate::bounds::Aabb;
+use crate::context::Context;
+use crate::tree::Tree;
+
+/// Restructures the hierarchy of the Morton curve.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Trbvh {
+    /// Most primitives in a leaf, in `1..=64`: so many cost what one does.
+    pub leaf_max: u32,
+    /// Rounds over the tree, in `0..=32`.
+    pub rounds: u32,
+}
+
+impl Trbvh {
+    /// Leaves of up to four, three rounds.
+    pub const DEFAULT: Self = Self { leaf_max: 4, rounds: 3 };
+}
+
+impl Builder for Trbvh {
+    fn info(&self) -> Info {
+        Info {
+            name: "trbvh",
+            summary: "rearranges the Morton curve's tree, seven subtrees at a time, in the best way",
+            source: "Karras and Aila 2013",
+        }
+    }
+
+    fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
+        check_option("rounds", f64::from(self.rounds), 0.0..=32.0, "0..=32")?;
+        check_leaf_max(self.leaf_max)?;
+        let tree = Lbvh { leaf_max: 1 }.build(bounds, context)?;
+        let block = if self.leaf_max > 1 { self.leaf_max } else { 0 };
+        let rounds = Rounds { count: self.rounds, leaves_min: LEAVES as u32, block };
+        restructure(tree, rounds, context)
+    }
+}
