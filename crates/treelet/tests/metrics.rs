@@ -1,7 +1,7 @@
 //! The measures of trees, each against its definition and against a second way to it.
 
 use treelet::bounds::{Aabb, SlabRay};
-use treelet::build::{self, Builder, Clip, SplitSah};
+use treelet::build::{self, Builder, Clip, Sbvh};
 use treelet::geometry::clip::clipped_bounds;
 use treelet::tree::{Kind, LineStats, Node, SahConstants, Surface, Tree};
 use treelet::verify::Random;
@@ -33,10 +33,11 @@ fn tree(mesh: &Mesh, builder: &dyn Builder) -> Tree {
 }
 
 /// A builder that puts most primitives into several leaves.
-const EAGER: SplitSah = SplitSah {
+const EAGER: Sbvh = Sbvh {
     leaf_max: 1,
     bins: 32,
     visit_cost: 0.0,
+    block: 1,
     overlap_min: 0.0,
     node_overlap_min: 0.0,
     advantage: 1.0,

@@ -40,7 +40,7 @@ impl Builder for Trbvh {
     fn build(&self, bounds: &[Aabb], context: &Context<'_>) -> Result<Tree, BuildError> {
         check_option("rounds", f64::from(self.rounds), 0.0..=32.0, "0..=32")?;
         check_leaf_max(self.leaf_max)?;
-        let tree = Lbvh { leaf_max: 1 }.build(bounds, context)?;
+        let tree = Lbvh { leaf_max: 1, ..Lbvh::DEFAULT }.build(bounds, context)?;
         let block = if self.leaf_max > 1 { self.leaf_max } else { 0 };
         let rounds = Rounds { count: self.rounds, leaves_min: LEAVES as u32, block };
         restructure(tree, rounds, context)

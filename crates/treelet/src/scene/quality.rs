@@ -138,7 +138,7 @@ impl fmt::Display for Plan<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut builder = self.builder;
         while let Some(inner) = builder.inner() {
-            write!(f, "{} + ", builder.info().name)?;
+            write!(f, "{}+", builder.info().name)?;
             builder = inner;
         }
         write!(f, "{}", builder.info().name)?;

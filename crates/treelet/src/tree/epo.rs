@@ -13,7 +13,7 @@
 //! points of the surfaces, each part as likely as it is large, and find the boxes that contain
 //! them; the mean of what those cost is EPO.
 //!
-//! Differs from the paper: a primitive in several leaves (`split-sah`) belongs to a node as a whole
+//! Differs from the paper: a primitive in several leaves (`sbvh`) belongs to a node as a whole
 //! if one of its leaves does, and counts once where it does not.
 //!
 //! Cost: exact, O(n) nodes times what overlaps each: (quality.md has seconds); sampled, about 2 us

@@ -151,7 +151,7 @@ fn names_compose() {
         assert!(build::by_name(name).is_none(), "{name}");
     }
     let options = BuildOptions { builder: build::by_name("presplit+hploc"), ..Default::default() };
-    assert_eq!(options.plan().to_string(), "presplit + hploc");
+    assert_eq!(options.plan().to_string(), "presplit+hploc");
 }
 
 #[test]
