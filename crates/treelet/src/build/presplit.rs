@@ -16,8 +16,10 @@
 //! Long shards among small triangles are what it is for: with three pieces for ten triangles `hploc`'s SAH
 //! falls from 133 to 94, that of `sweep-sah` from 116 to 82, of `lbvh` from 154 to 104, `sbvh`'s own from
 //! 115 to 86 (6000 triangles of a test). On scanned and modelled scenes it lost: `hploc` with it traced 0.65 to
-//! 0.81 times as many single rays a second on arches of 1.0 M triangles, 0.77 to 0.87 times on a car of 0.8 M;
-//! with full reinsertion after both 0.79 to 0.90 and 0.68 to 0.93. The paper's gain was over trees of a
+//! 0.81 times as many single rays a second on arches of 1.0 M triangles, 0.77 to 0.87 times on a car of 0.8 M,
+//! 0.85 to 0.98 times on a house of 1.6 M;
+//! with full reinsertion after both 0.79 to 0.90 and 0.68 to 0.89 (arches, car). With a
+//! third of that budget, `binned-sah` and full reinsertion: 0.91 to 0.96 in the house. The paper's gain was over trees of a
 //! GPU builder, in leaves of its own; here a leaf tests four triangles at once and reinsertion lifts what
 //! is large, so pieces are mostly more to visit. Hence it is in no quality level.
 //!
