@@ -36,7 +36,8 @@ pub(crate) struct Flags {
     /// Several only with --metrics.
     scenes: Vec<PathBuf>,
 
-    /// Builders to look at, perhaps with optimisers after them: "sweep-sah,lbvh+treelets" [default: all].
+    /// Builders to look at, perhaps with optimisers after them: "sweep-sah,lbvh+treelets" [default: all;
+    /// with --metrics the quality levels, too].
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = RecipeParser)]
     builders: Vec<Recipe>,
 
@@ -120,7 +121,8 @@ struct LayoutReport {
 /// Does what the flags ask for.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     if flags.metrics.metrics {
-        return metrics::run(&flags.scenes, &flags.scene_flags, &flags.metrics, session);
+        let Flags { scenes, scene_flags, metrics, builders, .. } = flags;
+        return metrics::run(&scenes, &scene_flags, &metrics, builders, session);
     }
     if let [_, second, ..] = flags.scenes.as_slice() {
         let second = second.display();
@@ -130,24 +132,28 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     if flags.bounds {
         return bounds::run(&input, session);
     }
-    overview(input, session)
+    overview(input, flags.builders, session)
 }
 
 /// Counts, builds with every builder and in every layout.
-fn overview(input: Input, session: &Session) -> Result<Outcome, Failure> {
+fn overview(
+    input: Input,
+    builders: Vec<Recipe>,
+    session: &Session,
+) -> Result<Outcome, Failure> {
     let duplicate = {
         let _line = Line::spinner("looking for duplicates");
         duplicates::count(&input.model, &session.cancel)?
     };
 
     // Build with each builder in turn; the counts of defects are the same for all.
-    let mut builders = Vec::new();
+    let mut reports = Vec::new();
     let mut facts = Facts::default();
-    for recipe in recipes(flags.builders) {
+    for recipe in recipes(builders) {
         let options = BuildOptions { invalid: Invalid::Skip, ..recipe.options() };
         let start = Instant::now();
         let placed = input.build(&options, session)?;
-        builders.push(tree_report(&placed, recipe.name(), start.elapsed()));
+        reports.push(tree_report(&placed, recipe.name(), start.elapsed()));
         facts = Facts::of(&placed);
     }
 
@@ -184,7 +190,7 @@ fn overview(input: Input, session: &Session) -> Result<Outcome, Failure> {
         bad_instances: facts.bad_instances,
         seconds_to_read: input.time.as_secs_f64(),
         sah_constants: Constants { visit: constants.visit, triangle: constants.prim },
-        builders,
+        builders: reports,
         layouts,
         warnings: model.warnings.clone(),
         scene: input.name,

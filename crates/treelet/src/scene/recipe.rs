@@ -1,12 +1,12 @@
 //! How trees are asked for by name: `binned-sah`, `lbvh+treelets`, `default+rotations`.
 //!
-//! The first word is a quality level's or a builder's, each one after a `+` an optimiser's; a level's
-//! own optimisers come before those. Whatever takes names of builders (the command's flags, the
+//! The first word is a quality level's or a builder's, perhaps with the pre-pass in front of it
+//! (`presplit+hploc`), each one after a `+` an optimiser's; a level's own optimisers come before those. Whatever takes names of builders (the command's flags, the
 //! bench's variants) reads them here.
 
 use super::builder::BuildOptions;
 use super::quality::Quality;
-use crate::build::{self, Builder};
+use crate::build::{self, Builder, Presplit};
 use crate::optimize::{self, Optimizer};
 use alloc::borrow::ToOwned;
 use alloc::string::String;
@@ -38,8 +38,12 @@ impl FromStr for Recipe {
     type Err = RecipeError;
 
     fn from_str(name: &str) -> Result<Self, RecipeError> {
-        let mut words = name.split('+');
-        let base = words.next().unwrap_or_default();
+        // A pre-pass and its builder are one name.
+        let start = name.strip_prefix(Presplit::NAME).and_then(|rest| rest.strip_prefix('+'));
+        let start = start.map_or(0, |rest| name.len() - rest.len());
+        let end = name[start..].find('+').map_or(name.len(), |end| start + end);
+        let base = &name[..end];
+        let words = name[end..].split('+').skip(1);
         let level = Quality::by_name(base);
         let builder = build::by_name(base);
         if level.is_none() && builder.is_none() {
@@ -82,6 +86,12 @@ impl Recipe {
     }
 }
 
+impl From<Quality> for Recipe {
+    fn from(quality: Quality) -> Self {
+        Self { quality, builder: None, optimizers: None, name: quality.name().to_owned() }
+    }
+}
+
 impl core::fmt::Debug for Recipe {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "Recipe({})", self.name)
@@ -100,6 +110,8 @@ mod tests {
             ("lbvh", "lbvh"),
             ("lbvh+treelets", "lbvh + treelets"),
             ("sweep-sah+treelets+reinsertion", "sweep-sah + treelets + reinsertion"),
+            ("presplit+hploc", "presplit+hploc"),
+            ("presplit+lbvh+rotations", "presplit+lbvh + rotations"),
             ("default", "binned-sah + top-reinsertion"),
             ("default+treelets", "binned-sah + top-reinsertion + treelets"),
         ] {
@@ -111,7 +123,7 @@ mod tests {
             let name = builder.info().name;
             assert_eq!(Plan::new(&name.parse::<Recipe>().unwrap().options()).to_string(), name);
         }
-        for (name, wrong) in [("", ""), ("x", "x"), ("treelets", "treelets"), ("+lbvh", "")] {
+        for (name, wrong) in [("", ""), ("x", "x"), ("treelets", "treelets"), ("+lbvh", ""), ("presplit+", "presplit+")] {
             assert_eq!(name.parse::<Recipe>().unwrap_err(), RecipeError::Base(wrong.into()));
         }
         for (name, wrong) in [("lbvh+", ""), ("lbvh+lbvh", "lbvh"), ("best+x+treelets", "x")] {

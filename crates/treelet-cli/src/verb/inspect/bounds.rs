@@ -85,7 +85,7 @@ struct Held {
 pub(super) fn run(input: &Input, session: &Session) -> Result<Outcome, Failure> {
     let line = Line::spinner("building");
     let flat = Flat::new(input)?;
-    let tree = flat.tree(Quality::default().name(), session)?;
+    let tree = flat.tree(&Quality::default().into(), session)?;
     let held = walk::held(&tree);
     let leaves = sample(&tree, &held, true);
     let inner = sample(&tree, &held, false);

@@ -4,7 +4,8 @@ use treelet::bounds::Aabb;
 use treelet::build::Clip;
 use treelet::geometry::clip::clipped_bounds;
 use treelet::tree::Tree;
-use treelet::{BuildOptions, Context, Mesh, Quality};
+use treelet::scene::Recipe;
+use treelet::{Context, Mesh, Quality};
 use treelet_bench::engine::Triangles;
 use treelet_bench::scenes;
 
@@ -29,10 +30,10 @@ impl Flat {
         Ok(Self { mesh, bounds: bounds.collect(), triangles })
     }
 
-    /// The tree that a variant makes: a builder, or a quality level.
-    pub(super) fn tree(&self, variant: &str, session: &Session) -> Result<Tree, Failure> {
+    /// The tree that a recipe makes.
+    pub(super) fn tree(&self, recipe: &Recipe, session: &Session) -> Result<Tree, Failure> {
         let context = Context { cancel: session.cancel.clone(), progress: None };
-        let tree = options(variant).plan().build(&self.bounds, self, &context);
+        let tree = recipe.options().plan().build(&self.bounds, self, &context);
         tree.map_err(|error| stopped_or(session, error))
     }
 }
@@ -51,17 +52,9 @@ pub(super) fn stopped_or(
     if session.cancel.is_cancelled() { Failure::Cancelled } else { Failure::from(error) }
 }
 
-/// What the name of a builder or a quality level asks for.
-pub(super) fn options(variant: &str) -> BuildOptions<'static> {
-    BuildOptions {
-        quality: Quality::by_name(variant).unwrap_or_default(),
-        builder: treelet::build::by_name(variant),
-        ..BuildOptions::default()
-    }
-}
-
-/// The names of all builders and quality levels.
-pub(super) fn variants() -> Vec<&'static str> {
+/// All builders and quality levels.
+pub(super) fn recipes() -> Vec<Recipe> {
     let builders = treelet::build::ALL.iter().map(|builder| builder.info().name);
-    builders.chain(Quality::ALL.map(Quality::name)).collect()
+    let builders = builders.filter_map(|name| name.parse().ok());
+    builders.chain(Quality::ALL.map(Recipe::from)).collect()
 }

@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
 use serde::{Deserialize, Serialize};
 use treelet::layout::Collapse;
+use treelet::scene::Recipe;
 use treelet::tree::{Estimate, SahConstants, lines};
 
 use super::Constants;
@@ -34,11 +34,6 @@ pub(super) struct MetricsFlags {
     /// Measure the trees: SAH, end-point overlap (EPO) and leaf count variability (LCV).
     #[arg(long)]
     pub(super) metrics: bool,
-
-    /// With --metrics: builders and quality levels to measure [default: all].
-    #[arg(long, value_delimiter = ',', value_name = "NAME,..", requires = "metrics")]
-    #[arg(value_parser = PossibleValuesParser::new(flat::variants()))]
-    builders: Vec<String>,
 
     /// With --metrics: end-point overlap exactly, however large the scene [default: from points where
     /// it has more than 262,144 triangles].
@@ -113,6 +108,7 @@ pub(super) fn run(
     scenes: &[PathBuf],
     scene_flags: &SceneFlags,
     flags: &MetricsFlags,
+    builders: Vec<Recipe>,
     session: &Session,
 ) -> Result<Outcome, Failure> {
     let plot = flags.plot.as_deref().map(Output::prepare).transpose()?;
@@ -128,13 +124,14 @@ pub(super) fn run(
         report.scenes.extend(earlier(file)?);
     }
     report.scenes.iter().for_each(tell);
+    let recipes = if builders.is_empty() { flat::recipes() } else { builders };
     let mut files: Vec<Option<&PathBuf>> = scenes.iter().map(Some).collect();
     if files.is_empty() && flags.earlier.is_empty() {
         files.push(None);
     }
     for file in files {
         let input = Input::load(file, scene_flags, session)?;
-        let scene = measure(&input, flags, session)?;
+        let scene = measure(&input, flags, &recipes, session)?;
         tell(&scene);
         report.scenes.push(scene);
     }
@@ -174,22 +171,20 @@ fn earlier(file: &Path) -> Result<Vec<SceneReport>, Failure> {
 fn measure(
     input: &Input,
     flags: &MetricsFlags,
+    recipes: &[Recipe],
     session: &Session,
 ) -> Result<SceneReport, Failure> {
     let flat = Flat::new(input)?;
-    let mut variants = flat::variants();
-    if !flags.builders.is_empty() {
-        variants.retain(|variant| flags.builders.iter().any(|builder| builder == variant));
-    }
     let exact = flags.exact || flat.triangles.len() <= EXACT_MOST;
     let line = Line::spinner("measuring");
     let mut trees = Vec::new();
-    for variant in &variants {
-        line.set(0, format!("measuring {variant}"));
-        trees.push(tree_report(&flat, variant, exact, session)?);
+    for recipe in recipes {
+        line.set(0, format!("measuring {}", recipe.name()));
+        trees.push(tree_report(&flat, recipe, exact, session)?);
     }
     if flags.trace_time {
         let (triangles, up, seconds) = (&flat.triangles, input.up, flags.seconds);
+        let variants: Vec<_> = recipes.iter().map(Recipe::name).collect();
         let times = trace_time::measure(triangles, up, &variants, seconds, &line, session)?;
         for (tree, times) in trees.iter_mut().zip(times) {
             tree.times = times;
@@ -203,13 +198,13 @@ fn measure(
 /// Builds one tree and measures it.
 fn tree_report(
     flat: &Flat,
-    variant: &str,
+    recipe: &Recipe,
     exact: bool,
     session: &Session,
 ) -> Result<TreeReport, Failure> {
     let constants = SahConstants::default();
     let start = Instant::now();
-    let tree = flat.tree(variant, session)?;
+    let tree = flat.tree(recipe, session)?;
     let seconds = start.elapsed().as_secs_f64();
     let cancel = &session.cancel;
     let start = Instant::now();
@@ -223,7 +218,7 @@ fn tree_report(
     let stats = tree.line_stats(&constants, lines::LINES, cancel);
     let stats = stats.map_err(|error| stopped_or(session, error))?;
     Ok(TreeReport {
-        variant: variant.to_owned(),
+        variant: recipe.name().to_owned(),
         seconds,
         sah: tree.sah(&constants),
         epo: epo.value,
@@ -246,7 +241,8 @@ fn stem(name: &str) -> String {
 /// them, the mean correlation of SAH and diffuse rays fell from 0.94 to 0.90.
 fn rows(scenes: &[SceneReport]) -> Vec<Row> {
     let alike = |tree: &&TreeReport| {
-        flat::options(&tree.variant).plan().collapse == Collapse::Optimal
+        let recipe = tree.variant.parse::<Recipe>();
+        recipe.is_ok_and(|recipe| recipe.options().plan().collapse == Collapse::Optimal)
     };
     let mut rows = Vec::new();
     for scene in scenes {
