@@ -77,7 +77,8 @@ fn in_the_end_no_rotation_pays() {
 #[test]
 fn a_sweep_never_raises_the_cost_and_more_lower_it() {
     let bounds = random_boxes(20_000, 9);
-    let mut tree = Lbvh { leaf_max: 1 }.build(&bounds, &Context::default()).unwrap();
+    let mut tree =
+        Lbvh { leaf_max: 1, ..Lbvh::DEFAULT }.build(&bounds, &Context::default()).unwrap();
     let mut costs = vec![measure(&tree, 0, [0, 0]).1];
     for _ in 0..6 {
         let once = Rotations { rounds: 1, gain_min: 0.0 };

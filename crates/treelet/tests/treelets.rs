@@ -190,7 +190,7 @@ fn rounds_lower_the_cost_of_the_curves_tree_a_lot() {
     let mut random = Random::new(1);
     let bounds = random_boxes(&mut random, 20_000, [1.0, 0.3, 2.0]);
     let sah = |tree: &Tree| tree.sah(&SahConstants::default());
-    let plain = Lbvh { leaf_max: 1 }.build(&bounds, &Context::default()).unwrap();
+    let plain = Lbvh { leaf_max: 1, ..Lbvh::DEFAULT }.build(&bounds, &Context::default()).unwrap();
     let mut costs = vec![sah(&plain)];
     for rounds in 1..=3 {
         let tree = Trbvh { rounds, ..Trbvh::DEFAULT };

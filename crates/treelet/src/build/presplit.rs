@@ -8,15 +8,21 @@
 //! cells are halved again and again, cuts it; the rest of its cuts go to the halves in proportion to
 //! their longest edges. What came together again in a leaf is one again.
 //!
-//! Differs from it: the grid's cells are cubes; a half that holds nothing of the primitive costs no cut;
-//! primitives whose priority has no share in the budget's last round of rounding stay whole.
+//! Differs from it: the grid's cells are cubes; a half that holds nothing of the primitive costs no cut.
 //!
 //! A piece's box is one that [`Clip`] makes, as those of [`super::sbvh`], whose module says why no answer
 //! changes. The same scenes are too small to be cut.
 //!
-//! MEASURED
+//! Long shards among small triangles are what it is for: with three extra pieces for ten triangles
+//! `hploc`'s SAH falls from 133 to 94, that of `sweep-sah` from 116 to 82, of `lbvh` from 154 to 104, `sbvh`'s
+//! own from 115 to 86 (6000 triangles of a test). On real scenes it lost. `hploc` after it traced 0.65 to 0.81
+//! times as many single rays a second on arches of 1.0 M triangles, 0.77 to 0.87 times on a car of 0.8 M, 0.85
+//! to 0.98 times on a house of 1.6 M; with full reinsertion, against `binned-sah` and the same, 0.79 to 0.90
+//! (arches) and 0.68 to 0.89 (car). With a third of the budget, `binned-sah` and full reinsertion: 0.91 to
+//! 0.96 (house). Hence it is in no quality level.
 //!
-//! Cost: O(n) time, 4 bytes a primitive and 32 a piece.
+//! Cost: O(n) time, 4 bytes a primitive and 32 a piece, besides the builder's. With `hploc` after it, arches
+//! are built and lowered at 1.7 M triangles a second of one core's time instead of 6.6.
 
 use super::clip::Clip;
 use super::sbvh::EXTENT_MIN;

@@ -10,22 +10,42 @@
 //!
 //! # What it is good for
 //!
-//! Counted with 16-wide nodes, after reinsertion, against sweep SAH and the same reinsertion, as
-//! nodes a diffuse ray and triangles tested: an interior of 1.4 M triangles 3.1 and 1.4 against 2.9
-//! and 1.5, a coffee maker 2.1 and 2.3 against 2.1 and 2.5, hair 12.8 and 11.9 against 12.3 and 12.7
-//! (with 40 % more references). Through two-wide nodes it saved some hundredths. Reinsertion, which
-//! lifts a large triangle to where it is in nobody's way, has taken most of what splits gave
-//! (without it the interior's SAH falls from 44.7 to 36.8 by splits, to 34.5 by reinsertion alone, to
-//! 32.5 by both), and the build takes several times as long. So no quality level splits; scenes of
-//! long slanted triangles among small ones may want to.
+//! Single rays a second on one core after full reinsertion, as shares of those through a tree of
+//! `binned-sah` and the same reinsertion ([`crate::Quality::Best`]):
 //!
-//! Tried and lost: splitting before the build, by the priorities of T. Karras and T. Aila, "Fast
-//! Parallel Construction of High-Quality Bounding Volume Hierarchies", HPG 2013: 10 % more
-//! references raised the SAH after reinsertion from 34.5 to 36.5 (interior) and from 11.4 to 14.2
-//! (coffee maker), nodes a ray by up to half. Splitting after the build, leaf by leaf, where cutting
-//! one in the middle and reinserting a half lowers the cost: it hardly ever does (SAH 34.52 to
-//! 34.49). Bins of 1/32 instead of 1/16: no better, twice the time. Trying a split wherever children
-//! overlap by 1e-5 of the scene, as the source does: up to six times the time for half a percent.
+//! | scene, triangles | primary | occlusion | diffuse |
+//! |---|---|---|---|
+//! | house, 1.6 M | 1.11 | 1.16 | 1.14 |
+//! | arches, 1.0 M | 1.06 | 1.08 | 1.09 |
+//! | coffee maker, 0.2 M | 1.00 | 0.98 | 0.96 |
+//! | car, 0.8 M | 0.95 | 1.05 | 1.00 |
+//! | kitchen, 1.4 M | 0.97 | 0.88 | 0.93 |
+//!
+//! That is 1.02 on average and a worst case of 0.88, so no quality level splits; buildings
+//! may want to. In the kitchen it is the splits that lose: with a budget of 0 this builder and reinsertion
+//! are as fast as the other. Reinsertion lifts a large triangle, whole, to where it is in nobody's way,
+//! which takes most of what splits give: by splits the kitchen's SAH falls from 44.7 to 36.8, by
+//! reinsertion to 34.5, by both to 32.5; and yet rays slow down.
+//!
+//! # What was tried
+//!
+//! With full reinsertion after each, the same shares, in the order above (occlusion in the kitchen, diffuse
+//! in the house, diffuse in the coffee maker):
+//! - taking cuts through primitives at 0.95 of the other cut's cost (0.99 is Embree's rule): 0.79, 1.12,
+//!   0.99 against 0.88, 1.14, 0.96;
+//! - looking for them wherever children overlap by 1e-5 of the scene and by 0.05 of the node, as the source
+//!   does without the latter, at 0.95: 0.81, 1.12, 0.99; up to six times the time where all overlaps;
+//! - half as many references again (`budget` 0.5) at 1e-5: 0.81, 1.14, 0.87;
+//! - looking only where children overlap by 3e-3 of the scene, at 0.99: 0.77 in the kitchen; a quarter of the
+//!   references (`budget` 0.05): 0.91, diffuse 0.95;
+//! - 32 bins at 0.95: 0.71, 1.08, 0.96, and a third more time;
+//! - leaves of one triangle, which give reinsertion more to move: 0.79, 1.09, 0.85;
+//! - prices by blocks of four (`block`), as `binned-sah` has: 0.81 in the kitchen; in the house diffuse
+//!   rays are 0.96 times as fast as by single tests.
+//!
+//! Splitting after the build, leaf by leaf, where cutting one in the middle and reinserting a half
+//! lowers the cost: it hardly ever does (SAH 34.52 to 34.49). Splitting before the build is
+//! [`super::presplit`].
 //!
 //! # Why no answer changes
 //!
@@ -54,9 +74,13 @@
 //! `u R` itself leaves f32, so would the sums above: scenes smaller than [`EXTENT_MIN`] are not
 //! split. Brute force never sees a piece, and `tests/splits.rs` compares every bit with it.
 //!
-//! Instances are not split: entering one twice costs more than a tighter box saves.
+//! Instances are not split ([`Clip::least_half_area`] says so): entering one twice costs more than a
+//! tighter box saves.
 //!
-//! Cost: O(n log n) time, 28 bytes a reference, several times the time of binned SAH.
+//! Cost: O(n log n) time, 28 bytes a reference. Ranges are cut in parallel with budgets of their own, in
+//! proportion to their references, so the tree is the same for any number of threads. Arches of 1.0 M
+//! triangles are built and lowered at 0.47 M triangles a second of one core's time (`hploc`: 6.6), the car
+//! at 0.20; the kitchen with full reinsertion takes 4.3 s of it.
 
 mod partition;
 mod planes;
@@ -112,15 +136,15 @@ pub struct Sbvh {
 }
 
 impl Sbvh {
-    /// Sixteen bins, leaves of up to four, at most half as many references again.
+    /// Sixteen bins, leaves of up to four, at most a fifth as many references again.
     pub const DEFAULT: Self = Self {
         leaf_max: 4,
         bins: 16,
         visit_cost: 1.0,
-        block: 4,
+        block: 1,
         overlap_min: 1e-4,
         node_overlap_min: 0.1,
-        advantage: 0.95,
+        advantage: 0.99,
         budget: 0.2,
         clips: 128,
     };

@@ -67,7 +67,8 @@ impl Quality {
     /// Reinsertion moves the leaves that `binned-sah` fills with up to four primitives as they are:
     /// with leaves of one primitive to move it finds lower costs, and slower trees (4 to 10 % fewer
     /// rays a second in a car and a coffee maker; layouts then fill leaves less well). Spatial splits
-    /// (`sbvh`) are in none: see there what they lost.
+    /// (`sbvh`, `presplit`) are in none: instead of `binned-sah` in `best`, `sbvh` traces 1.11 to 1.16 times
+    /// as many rays a second in a house, 0.88 to 0.97 times in a kitchen.
     pub fn plan(self) -> Plan<'static> {
         let plain =
             |builder| Plan { quality: self, builder, optimizers: &[], collapse: Collapse::Optimal };
@@ -137,7 +138,7 @@ impl fmt::Display for Plan<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let mut builder = self.builder;
         while let Some(inner) = builder.inner() {
-            write!(f, "{} + ", builder.info().name)?;
+            write!(f, "{}+", builder.info().name)?;
             builder = inner;
         }
         write!(f, "{}", builder.info().name)?;

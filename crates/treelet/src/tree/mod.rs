@@ -5,12 +5,12 @@
 //! a reverse sweep sees children before parents, and nothing is a pointer.
 
 pub mod cost;
-pub(crate) mod sweep;
 mod draws;
 pub mod epo;
 mod kinship;
 pub mod lines;
 pub mod surface;
+pub(crate) mod sweep;
 pub mod validate;
 
 pub use cost::{SahConstants, TreeStats};
