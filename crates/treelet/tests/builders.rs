@@ -36,6 +36,13 @@ fn plain(builder: &dyn Builder, bounds: &[Aabb]) -> Tree {
     builder.build(bounds, &Context::default()).unwrap()
 }
 
+/// As many of the boxes as a builder does in a second. Exact clustering takes 25 microseconds a box
+/// here, and ten times that where sizes differ most.
+fn share<'a>(builder: &dyn Builder, bounds: &'a [Aabb]) -> &'a [Aabb] {
+    let most = if builder.info().name == "agglomerative" { 8_000 } else { bounds.len() };
+    &bounds[..bounds.len().min(most)]
+}
+
 /// Equal bit for bit, zeros' signs included.
 fn same(a: &Tree, b: &Tree) -> bool {
     let bits = |node: &Node| {
@@ -57,6 +64,7 @@ fn the_same_tree_for_any_number_of_threads() {
     let pools = [1, 2, 7].map(pool);
     for (name, bounds) in &scenes {
         for &builder in build::ALL {
+            let bounds = share(builder, bounds);
             let [one, two, seven] =
                 pools.each_ref().map(|pool| pool.install(|| plain(builder, bounds)));
             let who = builder.info().name;
@@ -74,8 +82,9 @@ fn a_million_equal_triangles_are_no_trouble() {
         let tree = plain(builder, &bounds);
         let stats = tree.stats();
         let name = builder.info().name;
-        // Halving: 2^18 leaves of up to four.
-        assert!(stats.depth <= 22 || name == "sweep-sah", "{name}: {stats:?}");
+        // Halving: 2^18 leaves of up to four. Clustering joins unequal heights now and then.
+        let most = if name == "aac" { 24 } else { 22 };
+        assert!(stats.depth <= most || name == "sweep-sah", "{name}: {stats:?}");
         tree.validate(&bounds).unwrap_or_else(|error| panic!("{name}: {error}"));
     }
 }
@@ -180,7 +189,8 @@ fn small_stacks_are_enough() {
     for bounds in [lopsided(50_000), random_boxes(50_000), vec![lopsided(1)[0]; 50_000]] {
         let work = || {
             for &builder in build::ALL {
-                small.install(|| plain(builder, &bounds)).validate(&bounds).unwrap();
+                let bounds = share(builder, &bounds);
+                small.install(|| plain(builder, bounds)).validate(bounds).unwrap();
             }
         };
         std::thread::scope(|scope| {
@@ -237,11 +247,12 @@ fn leaves_are_filled_when_that_costs_nothing() {
 fn progress_rises_to_its_end() {
     let bounds = random_boxes(200_000);
     for &builder in build::ALL {
+        let bounds = share(builder, &bounds);
         for threads in [1, 3] {
             let told: Mutex<Vec<Progress>> = Mutex::new(Vec::new());
             let watch = |progress: Progress| told.lock().unwrap().push(progress);
             let context = Context { progress: Some(&watch), ..Context::default() };
-            pool(threads).install(|| builder.build(&bounds, &context)).unwrap();
+            pool(threads).install(|| builder.build(bounds, &context)).unwrap();
             let told = told.into_inner().unwrap();
             let name = builder.info().name;
             let mut stages: Vec<&str> = told.iter().map(|progress| progress.stage).collect();
@@ -331,6 +342,7 @@ fn stopped_after(builder: &dyn Builder, mesh: &Mesh, moment: Duration) -> Option
 fn a_watcher_may_stop_the_build() {
     let bounds = random_boxes(200_000);
     for &builder in build::ALL {
+        let bounds = share(builder, &bounds);
         for share in [0.0, 0.3, 0.7] {
             let cancel = Cancel::new();
             let watch = |progress: Progress| {
@@ -341,7 +353,7 @@ fn a_watcher_may_stop_the_build() {
                 }
             };
             let context = Context { cancel: cancel.clone(), progress: Some(&watch) };
-            let answer = builder.build(&bounds, &context);
+            let answer = builder.build(bounds, &context);
             assert!(
                 matches!(answer, Err(BuildError::Cancelled(_))),
                 "{} at {share}",
@@ -351,10 +363,10 @@ fn a_watcher_may_stop_the_build() {
         let cancel = Cancel::new();
         cancel.cancel();
         let context = Context { cancel, progress: None };
-        let answer = builder.build(&bounds, &context);
+        let answer = builder.build(bounds, &context);
         assert!(matches!(answer, Err(BuildError::Cancelled(_))), "cancelled before it began");
         // The same builder is as good as before.
-        plain(builder, &bounds).validate(&bounds).unwrap();
+        plain(builder, bounds).validate(bounds).unwrap();
     }
 }
 

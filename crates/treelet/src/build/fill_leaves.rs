@@ -157,7 +157,7 @@ impl Subtree<'_> {
         let mut steps = 0_usize;
         while let Some(node) = open.pop() {
             steps += 1;
-            if steps % CHECK_EVERY == 0 {
+            if steps.is_multiple_of(CHECK_EVERY) {
                 stage.check()?;
             }
             let bounds = tree.nodes[node.old].bounds;

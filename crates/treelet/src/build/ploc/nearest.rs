@@ -58,7 +58,7 @@ impl Nearest {
     pub(super) fn new(radius: usize) -> Self {
         let tile = |distance: usize| {
             let row = 0..2 * distance + BLOCK + LANES;
-            row.map(|place| if place / distance % 2 == 0 { u32::MAX } else { 0 }).collect()
+            row.map(|place| if (place / distance).is_multiple_of(2) { u32::MAX } else { 0 }).collect()
         };
         Self { radius, tiles: (1..=radius).map(tile).collect() }
     }
