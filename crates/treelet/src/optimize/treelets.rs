@@ -10,7 +10,7 @@
 //! Measured after `lbvh` (SAH at one a visit and one a triangle): 13.1 falls to 11.5 in a coffee maker of
 //! 0.2 M triangles, 78.0 to 68.0 in a car of 0.8 M, 47.9 to 33.5 in a kitchen of 1.4 M; single rays are 1.10
 //! (coffee maker) and 1.22 (kitchen) times as many a second. After `binned-sah` in the coffee maker: 12.2 to
-//! 11.1. Rounds anew after these three gain 1 to 2 % of rays more.
+//! 11.1. Three rounds more gained 1 to 2 %, which is noise.
 //!
 //! Cost: 40 ms of one core for three rounds over 82,000 leaves.
 //!
