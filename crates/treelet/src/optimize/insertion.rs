@@ -15,6 +15,11 @@
 //!
 //! The cost is the sum of the inner nodes' surface areas: leaves move as they are.
 //!
+//! Measured after `lbvh` (SAH at one a visit and one a triangle): 13.1 falls to 12.1 in a coffee maker of
+//! 0.2 M triangles, 78.0 to 68.8 in a car of 0.8 M, 47.9 to 34.9 in a kitchen of 1.4 M, in 1, 3.5 and 9 s of one
+//! core; the coffee maker is traced 1.10 times as fast, and 1.03 times after `binned-sah`. Reinsertion takes a
+//! tenth of the time and ends lower in the kitchen, at 31.7.
+//!
 //! Cost: 68 bytes a leaf; two searches a node.
 
 use super::Optimizer;

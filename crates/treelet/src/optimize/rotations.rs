@@ -10,7 +10,11 @@
 //!
 //! The cost is the sum of the inner nodes' surface areas: leaves move as they are.
 //!
-//! Cost: a sweep is about 50 ns a node, laying the nodes anew included.
+//! Measured after `lbvh` (SAH at one a visit and one a triangle): 13.1 falls to 11.7 in a coffee maker of
+//! 0.2 M triangles, 78.0 to 69.5 in a car of 0.8 M, 47.9 to 36.3 in a kitchen of 1.4 M; the coffee maker is
+//! traced 1.08 times as fast.
+//!
+//! Cost: 35 ms of one core for 82,000 leaves.
 
 use super::Optimizer;
 use crate::build::{BuildError, Info, check_option};
@@ -63,7 +67,7 @@ impl Optimizer for Rotations {
             }
         }
         stage.advance(u64::from(self.rounds - round));
-        Ok(sweep.into_tree(&context.cancel)?)
+        Ok(sweep.into_tree(1, &context.cancel)?)
     }
 }
 

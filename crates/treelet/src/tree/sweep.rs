@@ -284,54 +284,29 @@ impl Sweep {
         Ok(())
     }
 
-    /// The tree; its leaves come in the order of its primitives.
-    pub(crate) fn into_tree(self, cancel: &Cancel) -> Result<Tree, Stopped> {
-        let mut nodes = memory::try_with_capacity(self.slots.len(), "the tree's nodes")?;
+    /// The tree, with a leaf for each subtree of up to `leaf_max >= 1` leaves; leaves come in the order of its
+    /// primitives. 1 keeps the leaves that there are.
+    pub(crate) fn into_tree(self, leaf_max: u32, cancel: &Cancel) -> Result<Tree, Stopped> {
+        let inner = self.slots.iter().filter(|slot| slot.leaves > leaf_max).count();
+        let mut nodes = memory::try_with_capacity(2 * inner + 1, "the tree's nodes")?;
         let mut prims = memory::try_with_capacity(self.prims.len(), "the tree's primitives")?;
-        for chunk in self.slots.chunks(CHUNK) {
-            cancel.check()?;
-            nodes.extend(chunk.iter().map(|slot| slot.node));
-        }
-        let mut open = alloc::vec![0];
-        while let Some(at) = open.pop() {
-            cancel.check()?;
-            match nodes[at].kind() {
-                Kind::Inner { left } => open.extend([left + 1, left]),
-                Kind::Leaf { first, count } => {
-                    nodes[at].first = prims.len() as u32;
-                    prims.extend_from_slice(&self.prims[first..first + count]);
-                }
-            }
-        }
-        Ok(Tree { nodes, prims })
-    }
-
-    /// The same with a leaf for each subtree of up to `leaf_max` leaves, where these have one primitive
-    /// each.
-    pub(crate) fn into_tree_of(self, leaf_max: u32, cancel: &Cancel) -> Result<Tree, Stopped> {
-        let mut tree = Tree::default();
-        tree.prims = memory::try_with_capacity(self.prims.len(), "the tree's primitives")?;
+        nodes.push(self.slots[0].node);
         let mut open = alloc::vec![(0, 0)];
-        tree.nodes.push(self.slots[0].node);
         while let Some((from, to)) = open.pop() {
             cancel.check()?;
             let slot = self.slots[from];
-            match slot.left().filter(|_| slot.leaves > leaf_max) {
-                Some(left) => {
-                    let children = tree.nodes.len();
-                    tree.nodes[to] = Node::inner(slot.node.bounds, children);
-                    memory::try_reserve(&mut tree.nodes, 2, "the tree's nodes")?;
-                    tree.nodes.extend([slot.node; 2]);
-                    open.extend([(left + 1, children + 1), (left, children)]);
-                }
-                None => {
-                    let first = tree.prims.len();
-                    self.gather(from, &mut tree.prims);
-                    tree.nodes[to] = Node::leaf(slot.node.bounds, first, tree.prims.len() - first);
-                }
+            if let Some(left) = slot.left().filter(|_| slot.leaves > leaf_max) {
+                let children = nodes.len();
+                nodes[to] = Node::inner(slot.node.bounds, children);
+                nodes.extend([slot.node; 2]);
+                open.extend([(left + 1, children + 1), (left, children)]);
+            } else {
+                let first = prims.len();
+                self.gather(from, &mut prims);
+                nodes[to] = Node::leaf(slot.node.bounds, first, prims.len() - first);
             }
         }
-        Ok(tree)
+        Ok(Tree { nodes, prims })
     }
 
     /// Adds the primitives below a node.

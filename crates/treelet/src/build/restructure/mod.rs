@@ -8,13 +8,14 @@
 //!
 //! Differs from the paper: where a warp works on one treelet, vectors work on eight at once, one a
 //! lane, all of the same height; a treelet changes only if its areas fall in f64, so the cost never
-//! rises; and leaves are as they were: layouts decide which primitives are tested together
-//! (`layout/collapse.rs`), for any tree.
+//! rises; and the price of a leaf is one area for a block of primitives, which layouts test at once
+//! (`layout/collapse.rs`), or leaves stay as they are.
 //!
 //! What this does may be covered by US 2014/0365532 and US 2014/0365529 (NVIDIA); their legal state is
 //! unknown to us. No quality level uses it; reinsertion (`optimize/reinsertion.rs`) does that work.
 //!
-//! Cost: a round is a sweep (`tree/sweep.rs`) and about half a microsecond a treelet.
+//! Cost: three rounds over the curve's tree of 235,000 triangles with leaves of up to four, 82,000 of them:
+//! 0.04 s of one core, with leaves of one 0.14 s.
 
 mod best;
 mod treelet;
@@ -63,11 +64,7 @@ pub(crate) fn restructure(
         }
         stage.advance(1);
     }
-    Ok(if block > 0 {
-        sweep.into_tree_of(block, &context.cancel)?
-    } else {
-        sweep.into_tree(&context.cancel)?
-    })
+    Ok(sweep.into_tree(block.max(1), &context.cancel)?)
 }
 
 /// Arranges treelets in the best way.
