@@ -129,7 +129,7 @@ impl<const QUADS: usize> KDop<QUADS> {
         let (middle, size) = (wide(bounds.center()), bounds.diagonal());
         let tolerance = TOLERANCE * (size + taxicab(middle));
         let half_space = |side: usize| -> (Double, f64) {
-            let (at, sign) = (side / 2, if side % 2 == 0 { -1.0 } else { 1.0 });
+            let (at, sign) = (side / 2, [-1.0, 1.0][side % 2]);
             let normal = scale(directions[at], sign);
             (normal, sign * self.slab(at)[side % 2] - dot(normal, middle))
         };

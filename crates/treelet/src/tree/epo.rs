@@ -16,8 +16,8 @@
 //! Differs from the paper: a primitive in several leaves (`sbvh`) belongs to a node as a whole
 //! if one of its leaves does, and counts once where it does not.
 //!
-//! Cost: exact, O(n) nodes times what overlaps each: (quality.md has seconds); sampled, about 2 us
-//! for each point, however large the scene.
+//! Cost: exact, O(n) nodes times what overlaps each; sampled, a walk for each point, however large
+//! the scene.
 
 use super::draws::{Draws, Estimate, Sums};
 use super::kinship::Kinship;
