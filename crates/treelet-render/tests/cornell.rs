@@ -55,7 +55,9 @@ fn rendered(settings: Settings, spp: u32) -> Vec<[f32; 3]> {
     let placed = placed(&model);
     let renderer = Renderer::new(&model, &placed, &box_camera(), settings).unwrap();
     let mut film = renderer.film().unwrap();
-    (0..spp).for_each(|_| drop(renderer.pass(&mut film, &Cancel::new()).unwrap()));
+    for _ in 0..spp {
+        renderer.pass(&mut film, &Cancel::new()).unwrap();
+    }
     film.means().unwrap()
 }
 
