@@ -187,6 +187,8 @@ fn shrunk(image: &Image, columns: u32) -> Image {
 #[cfg(test)]
 mod tests {
     use super::{Protocol, blocks, guess, iterm, kitty, shrunk, sixel};
+    use base64::Engine as _;
+    use base64::engine::general_purpose::STANDARD;
     use treelet_render::Image;
 
     fn picture() -> Image {
@@ -225,12 +227,99 @@ mod tests {
         assert!(text.contains("#5!10?!10@$#180!10@!10?$-"), "{text}");
     }
 
+    /// The kitty documentation: each piece is an escape of its own; all but the last hold 4096
+    /// characters of base64 and say `m=1`; the first alone has the other keys.
     #[test]
     fn kitty_goes_in_pieces() {
-        let text = kitty(&[7; 10_000]);
-        assert_eq!(text.matches("\x1b_G").count(), 4);
-        assert!(text.starts_with("\x1b_Ga=T,f=100,m=1;") && text.contains("\x1b_Gm=0;"));
-        assert!(iterm(b"png").contains("size=3:cG5n\x07"));
+        for length in [0_usize, 1, 3072, 3073, 10_000] {
+            let png: Vec<u8> = (0..length).map(|i| (i * 7) as u8).collect();
+            let text = kitty(&png);
+            let stream = text.strip_suffix('\n').unwrap();
+            let pieces: Vec<&str> = stream.split_terminator("\x1b\\").collect();
+            let mut payload = String::new();
+            for (number, piece) in pieces.iter().enumerate() {
+                let (keys, data) = piece.strip_prefix("\x1b_G").unwrap().split_once(';').unwrap();
+                let last = number + 1 == pieces.len();
+                let first = if number == 0 { "a=T,f=100," } else { "" };
+                assert_eq!(keys, format!("{first}m={}", u8::from(!last)), "{length}: {number}");
+                assert!(last && data.len() <= 4096 || data.len() == 4096, "{length}: {number}");
+                payload += data;
+            }
+            assert_eq!(STANDARD.decode(payload).unwrap(), png);
+        }
+    }
+
+    /// The iTerm2 documentation: OSC 1337, the file's size in bytes, base64, BEL.
+    #[test]
+    fn iterm_is_one_sequence() {
+        let png: Vec<u8> = (0..10_000).map(|i| (i * 7) as u8).collect();
+        let text = iterm(&png);
+        let body = text.strip_prefix("\x1b]1337;File=").unwrap().strip_suffix("\x07\n").unwrap();
+        let (keys, data) = body.split_once(':').unwrap();
+        assert_eq!(keys, "inline=1;size=10000");
+        assert_eq!(STANDARD.decode(data).unwrap(), png);
+    }
+
+    /// A sixel terminal in miniature: colours by number in percent, six rows a character, repeats, back to
+    /// the left edge, down. Every pixel is painted once, near its colour.
+    #[test]
+    fn sixel_paints_every_pixel() {
+        let mut image = Image::filled(37, 13, [0; 3]).unwrap();
+        for (i, pixel) in image.pixels_mut().iter_mut().enumerate() {
+            *pixel = [(i % 37 * 6) as u8, (i / 37 * 19) as u8, 90];
+        }
+        let text = sixel(&image);
+        let body = text.strip_prefix("\x1bPq").unwrap().strip_suffix("\x1b\\\n").unwrap();
+        let mut bytes = body.bytes().peekable();
+        let numbers = |bytes: &mut std::iter::Peekable<std::str::Bytes<'_>>| {
+            let (mut all, mut number) = (Vec::new(), 0_u32);
+            while let Some(&byte) = bytes.peek().filter(|b| b.is_ascii_digit() || **b == b';') {
+                bytes.next();
+                if byte == b';' {
+                    all.push(std::mem::take(&mut number));
+                } else {
+                    number = 10 * number + u32::from(byte - b'0');
+                }
+            }
+            all.push(number);
+            all
+        };
+        let mut colors = std::collections::BTreeMap::new();
+        let mut painted = vec![None; 37 * 13];
+        let (mut x, mut top, mut color, mut repeat) = (0, 0, 0, 1);
+        while let Some(byte) = bytes.next() {
+            match byte {
+                b'"' => assert_eq!(numbers(&mut bytes), [1, 1, 37, 13]),
+                b'#' => match numbers(&mut bytes).as_slice() {
+                    [number] => color = *number,
+                    &[number, 2, r, g, b] => {
+                        assert!(number < 256 && r <= 100 && g <= 100 && b <= 100);
+                        colors.insert(number, [r, g, b]);
+                    }
+                    other => panic!("{other:?}"),
+                },
+                b'!' => repeat = numbers(&mut bytes)[0] as usize,
+                b'$' => x = 0,
+                b'-' => (x, top) = (0, top + 6),
+                b'?'..=b'~' => {
+                    for column in x..x + repeat {
+                        for row in (0..6).filter(|row| (byte - b'?') >> row & 1 == 1) {
+                            let place = &mut painted[(top + row) * 37 + column];
+                            assert_eq!(place.replace(colors[&color]), None, "painted twice");
+                        }
+                    }
+                    (x, repeat) = (x + repeat, 1);
+                }
+                other => panic!("{other} is no sixel"),
+            }
+        }
+        for (pixel, painted) in image.pixels().iter().zip(painted) {
+            let painted = painted.expect("every pixel is painted");
+            for c in 0..3 {
+                let off = f64::from(pixel[c]) - 2.55 * f64::from(painted[c]);
+                assert!(off.abs() <= 52.0, "{pixel:?} {painted:?}");
+            }
+        }
     }
 
     #[test]

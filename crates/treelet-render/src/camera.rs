@@ -4,7 +4,8 @@
 //! SIGGRAPH 1995, section 3 (the thin lens).
 
 use crate::error::RenderError;
-use core::f32::consts::TAU;
+use crate::frame::direction_of;
+use crate::trig::sincos_of_turn;
 use treelet::Ray;
 use treelet::math::vec3;
 use treelet_model::{Camera, View};
@@ -100,15 +101,15 @@ impl Eye {
         if let Some(lens) = &self.lens {
             // All rays of a pixel meet in the plane of focus.
             let radius = u[0].sqrt();
-            let (sin, cos) = libm::sincosf(TAU * u[1]);
+            let (sin, cos) = sincos_of_turn(u[1]);
             let x = vec3::scale(lens.x, radius * cos);
             let offset = vec3::add(x, vec3::scale(lens.y, radius * sin));
             let toward = vec3::sub(vec3::scale(along, lens.focus_distance), offset);
-            let direction = vec3::normalize(toward).unwrap_or(self.forward);
+            let direction = direction_of(toward).unwrap_or(self.forward);
             return Ray::new(vec3::add(origin, offset), direction);
         }
         // Never `None`: perspective corners lie one unit in front of the camera.
-        Ray::new(origin, vec3::normalize(along).unwrap_or(self.forward))
+        Ray::new(origin, direction_of(along).unwrap_or(self.forward))
     }
 }
 

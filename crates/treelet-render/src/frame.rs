@@ -33,8 +33,28 @@ impl Frame {
     /// A vector of this frame in the world.
     #[inline(always)]
     pub(crate) fn to_world(self, v: [f32; 3]) -> [f32; 3] {
-        core::array::from_fn(|c| self.x[c] * v[0] + self.y[c] * v[1] + self.z[c] * v[2])
+        let (x, y, z) = (self.x, self.y, self.z);
+        [
+            x[0] * v[0] + y[0] * v[1] + z[0] * v[2],
+            x[1] * v[0] + y[1] * v[1] + z[1] * v[2],
+            x[2] * v[0] + y[2] * v[1] + z[2] * v[2],
+        ]
     }
+}
+
+/// `v` scaled to length 1, or `None` if its length is zero or not finite.
+///
+/// In f64, where neither the squares of tiny nor of huge components leave the range. Written here and
+/// not taken from the library, so that it is compiled into its callers.
+#[inline(always)]
+pub(crate) fn direction_of(v: [f32; 3]) -> Option<[f32; 3]> {
+    let [x, y, z] = [f64::from(v[0]), f64::from(v[1]), f64::from(v[2])];
+    let length = (x * x + y * y + z * z).sqrt();
+    if !(length > 0.0 && length.is_finite()) {
+        return None;
+    }
+    let scale = 1.0 / length;
+    Some([(x * scale) as f32, (y * scale) as f32, (z * scale) as f32])
 }
 
 /// `v` scaled to length 1 in f32; for vectors whose length is near 1 or surely of ordinary size.

@@ -105,7 +105,8 @@ impl Renderer<'_> {
         let hit = world.closest(ray, 0);
         let surface = hit.and_then(|hit| world.surface(&hit, ray.direction));
         let Some(surface) = surface else { return ([1.0; 3], [0.0; 3]) };
-        let vertex = Vertex::new(world, surface, ray.direction, false);
+        let mut room = None;
+        let vertex = Vertex::new(world, surface, ray.direction, false, &mut room);
         (vertex.bsdf.albedo(), vertex.surface.shading)
     }
 }

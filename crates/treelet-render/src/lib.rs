@@ -2,8 +2,8 @@
 //!
 //! A [`Renderer`] takes a [`treelet_model::Model`], the scene built from it and a camera; each
 //! [`Renderer::pass`] adds one sample a pixel to a [`Film`]; [`Film::to_image`] shows what is there so
-//! far. Nothing here prints, asks the clock or starts a thread of its own: passes run on the
-//! caller's rayon pool. The picture is a pure function of model, camera and settings, bit for bit,
+//! far. Nothing here prints or starts a thread of its own, and the clock is asked only for the
+//! report of a pass: passes run on the caller's rayon pool. The picture is a pure function of model, camera and settings, bit for bit,
 //! for any number of threads: all maths functions are `libm`'s.
 
 mod alias;
@@ -35,7 +35,9 @@ pub mod sky;
 mod surface;
 mod texture;
 pub mod tonemap;
+mod trig;
 mod vertex;
+mod wave;
 
 pub use aov::Aov;
 pub use denoise::denoise;

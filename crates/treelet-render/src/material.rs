@@ -1,6 +1,6 @@
 //! The materials of a model with their textures, made ready to be asked at points.
 
-use crate::bsdf::{Albedos, Bsdf, Factors, Tables};
+use crate::bsdf::{Albedos, Bsdf, Factors, Lobes, Tables};
 use crate::color;
 use crate::error::RenderError;
 use crate::surface::{PartPoint, Surface, Surfaces};
@@ -23,11 +23,13 @@ pub(crate) struct Materials<'a> {
 #[derive(Clone, Debug)]
 struct Prepared<'a> {
     material: &'a Material,
-    /// As it is, and as a regularised path meets it.
-    tables: [Tables; 2],
+    /// As it is, and as a regularised path meets it; without textures.
+    surfaces: [(Tables, Lobes); 2],
     factors: Factors,
-    /// Whether a texture or a vertex colour may change the factors.
+    /// Whether no texture changes the factors.
     plain: bool,
+    emissive: bool,
+    unlit: bool,
     base_color: Option<Sampler2<'a>>,
     metallic_roughness: Option<Sampler2<'a>>,
     normal: Option<Sampler2<'a>>,
@@ -51,21 +53,24 @@ impl<'a> Materials<'a> {
         Ok(Self { all, any_alpha })
     }
 
-    /// The material's scattering at a point, for a viewer on the outside or the inside.
+    /// The material's scattering at a point, for a viewer on the outside or the inside; `room` is for
+    /// numbers that are the point's own.
     #[inline]
-    pub(crate) fn bsdf(
-        &self,
+    pub(crate) fn bsdf<'b>(
+        &'b self,
         surfaces: &Surfaces<'_>,
         on: &PartPoint,
         outside: bool,
         regular: bool,
-    ) -> Bsdf<'_> {
+        room: &'b mut Option<Lobes>,
+    ) -> Bsdf<'b> {
         let one = &self.all[on.material as usize];
-        let tables = &one.tables[usize::from(regular)];
+        let (tables, lobes) = &one.surfaces[usize::from(regular)];
         if one.plain && !on.colored {
-            return Bsdf::new(tables, &one.factors, outside);
+            return Bsdf::new(tables, lobes, outside);
         }
-        Bsdf::new(tables, &one.factors_at(surfaces, on), outside)
+        let lobes = room.insert(Lobes::new(tables, &one.factors_at(surfaces, on)));
+        Bsdf::new(tables, lobes, outside)
     }
 
     /// What the material's surface emits at a point toward a side; black for most.
@@ -77,7 +82,7 @@ impl<'a> Materials<'a> {
         outside: bool,
     ) -> [f32; 3] {
         let one = &self.all[on.material as usize];
-        if !one.material.is_emissive() || one.material.one_sided_emission && !outside {
+        if !one.emissive || one.material.one_sided_emission && !outside {
             return [0.0; 3];
         }
         match &one.emission {
@@ -100,7 +105,7 @@ impl<'a> Materials<'a> {
     /// Whether a material is shown as it is, and lights nothing.
     #[inline]
     pub(crate) fn unlit(&self, material: u32) -> bool {
-        self.all[material as usize].material.unlit
+        self.all[material as usize].unlit
     }
 
     /// Whether a material has holes or lets light pass by chance.
@@ -178,20 +183,24 @@ impl<'a> Prepared<'a> {
             texture.as_ref().map(|t| Sampler2::new(t, &model.images, &owner)).transpose()
         };
         let specular = vec3::scale(material.specular_color, material.specular);
+        let factors = Factors {
+            base_color: material.base_color,
+            metallic: material.metallic,
+            roughness: material.roughness,
+            transmission: material.transmission,
+            specular,
+            clear_coat: material.clear_coat,
+            clear_coat_roughness: material.clear_coat_roughness,
+            thin_walled: material.thin_walled,
+        };
+        let [of_plain, of_broad] = [&plain, &broad].map(|tables| Lobes::new(tables, &factors));
         let mut out = Self {
             material,
-            tables: [plain, broad],
-            factors: Factors {
-                base_color: material.base_color,
-                metallic: material.metallic,
-                roughness: material.roughness,
-                transmission: material.transmission,
-                specular,
-                clear_coat: material.clear_coat,
-                clear_coat_roughness: material.clear_coat_roughness,
-                thin_walled: material.thin_walled,
-            },
+            surfaces: [(plain, of_plain), (broad, of_broad)],
+            factors,
             plain: true,
+            emissive: material.is_emissive(),
+            unlit: material.unlit,
             base_color: texture(&material.base_color_texture)?,
             metallic_roughness: texture(&material.metallic_roughness_texture)?,
             normal: texture(&material.normal_texture)?,

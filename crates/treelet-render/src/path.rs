@@ -1,15 +1,18 @@
-//! What a path carries, and how light is added to it.
+//! What a path carries, and how light is weighed by it.
 
 use crate::color;
+use crate::sampler::Sampler;
 use crate::settings::{Settings, Strategy};
 use treelet::Ray;
 use treelet::math::vec3;
 
 /// What a path has met so far.
+#[derive(Clone, Copy)]
 pub(crate) struct Path {
-    pub(crate) ray: Ray,
+    pub(crate) sampler: Sampler,
+    /// Which pixel of the wave its light is for.
+    pub(crate) pixel: u32,
     pub(crate) throughput: [f32; 3],
-    pub(crate) radiance: [f32; 3],
     /// The density with which the ray's direction was drawn; 0 if nothing else could draw it.
     pub(crate) pdf: f32,
     /// The share of lights that are somewhere among the light samples where the ray starts.
@@ -24,11 +27,12 @@ pub(crate) struct Path {
 
 impl Path {
     /// A path that begins with a camera ray.
-    pub(crate) fn new(ray: Ray) -> Self {
+    #[inline]
+    pub(crate) fn new(ray: &Ray, sampler: Sampler, pixel: u32) -> Self {
         Self {
-            ray,
+            sampler,
+            pixel,
             throughput: [1.0; 3],
-            radiance: [0.0; 3],
             pdf: 0.0,
             share: 0.0,
             from: ray.origin,
@@ -37,14 +41,15 @@ impl Path {
         }
     }
 
-    /// Adds light that the path's own ray met; `light_pdf` is the density of sampling it as a light.
+    /// What light that the path's own ray met brings; `light_pdf` is the density of sampling it as
+    /// a light.
     #[inline]
-    pub(crate) fn add_met(
-        &mut self,
+    pub(crate) fn met(
+        &self,
         radiance: [f32; 3],
         settings: &Settings,
         light_pdf: impl Fn() -> f32,
-    ) {
+    ) -> [f32; 3] {
         let weight = match settings.strategy {
             Strategy::Lobes => 1.0,
             _ if self.pdf == 0.0 => 1.0,
@@ -52,20 +57,25 @@ impl Path {
             // What lights cannot sample is not theirs.
             Strategy::Lights => f32::from(u8::from(light_pdf() <= 0.0)),
         };
-        self.add(vec3::scale(radiance, weight), self.scattered, settings);
+        self.brought(vec3::scale(radiance, weight), self.scattered, settings)
     }
 
-    /// Adds light that was scattered so often, cut off if it is indirect.
+    /// What light that was scattered so often brings, cut off if it is indirect.
     #[inline]
-    pub(crate) fn add(&mut self, radiance: [f32; 3], scattered: u32, settings: &Settings) {
-        let mut light = color::mul(self.throughput, radiance);
+    pub(crate) fn brought(
+        &self,
+        radiance: [f32; 3],
+        scattered: u32,
+        settings: &Settings,
+    ) -> [f32; 3] {
+        let light = color::mul(self.throughput, radiance);
         if scattered >= 2 {
             let most = color::max(light);
             if most > settings.clamp_indirect {
-                light = vec3::scale(light, settings.clamp_indirect / most);
+                return vec3::scale(light, settings.clamp_indirect / most);
             }
         }
-        self.radiance = vec3::add(self.radiance, light);
+        light
     }
 }
 

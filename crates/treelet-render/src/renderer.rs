@@ -12,7 +12,10 @@ use crate::outside::Outside;
 use crate::sampler::Sampler;
 use crate::settings::Settings;
 use crate::surface::Surfaces;
+use crate::wave::{WAVE, Wave};
+use core::time::Duration;
 use rayon::prelude::*;
+use treelet::context::clock::Stopwatch;
 use treelet::{Cancel, Ray};
 use treelet_model::{Camera, Model, PlacedModel};
 
@@ -30,6 +33,22 @@ pub struct Renderer<'a> {
 pub struct PassStats {
     /// Rays that were traced, shadow rays included.
     pub rays: u64,
+    /// What all threads together took.
+    pub busy: Duration,
+    /// What of it went by in the library's answers to rays; what else it went for is shading.
+    pub asking: Duration,
+}
+
+impl PassStats {
+    /// Both together.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            rays: self.rays + other.rays,
+            busy: self.busy + other.busy,
+            asking: self.asking + other.asking,
+        }
+    }
 }
 
 impl<'a> Renderer<'a> {
@@ -80,7 +99,7 @@ impl<'a> Renderer<'a> {
     /// nor on passes that were cancelled.
     ///
     /// # Errors
-    /// [`RenderError::Cancelled`] within about a millisecond once `cancel` is raised, and
+    /// [`RenderError::Cancelled`] within a few milliseconds once `cancel` is raised, and
     /// [`RenderError::FilmSize`] for a film of another size. Either way the film is as it was.
     pub fn pass(&self, film: &mut Film, cancel: &Cancel) -> Result<PassStats, RenderError> {
         self.check_film(film)?;
@@ -128,48 +147,49 @@ impl<'a> Renderer<'a> {
         cancel: &Cancel,
         wanted: impl Fn(u32, u32) -> bool + Sync,
     ) -> Result<PassStats, RenderError> {
-        let width = self.settings.width as usize;
         let mut pending = core::mem::take(&mut film.pending);
-        let rays = pending
-            .par_chunks_exact_mut(width)
+        let stats = pending
+            .par_chunks_mut(WAVE)
             .enumerate()
-            .map(|(y, row)| {
-                let sample = |x: u32| film.count_at(y * width + x as usize);
-                self.row(y as u32, sample, &wanted, row, cancel)
+            .map_init(Wave::default, |wave, (number, pixels)| {
+                let sample = |index| film.count_at(index);
+                self.sample_pixels(wave, number * WAVE, pixels, &sample, &wanted, cancel)
             })
-            .try_reduce(|| 0, |a, b| Ok(a + b));
+            .try_reduce(PassStats::default, |a, b| Ok(a.and(b)));
         film.pending = pending;
-        let rays = rays?;
+        let stats = stats?;
         film.commit();
-        Ok(PassStats { rays })
+        Ok(stats)
     }
 
-    fn row(
+    /// Computes the samples of pixels from number `first` on, one path each.
+    fn sample_pixels(
         &self,
-        y: u32,
-        sample: impl Fn(u32) -> u32,
-        wanted: impl Fn(u32, u32) -> bool,
-        row: &mut [[f32; 3]],
+        wave: &mut Wave,
+        first: usize,
+        pixels: &mut [[f32; 3]],
+        sample: &dyn Fn(usize) -> u32,
+        wanted: &impl Fn(u32, u32) -> bool,
         cancel: &Cancel,
-    ) -> Result<u64, RenderError> {
-        let mut rays = 0;
-        for (x, pixel) in row.iter_mut().enumerate() {
-            if cancel.is_cancelled() {
-                return Err(RenderError::Cancelled);
-            }
-            let x = x as u32;
+    ) -> Result<PassStats, RenderError> {
+        let watch = Stopwatch::start();
+        wave.clear();
+        let width = self.settings.width as usize;
+        for (index, pixel) in (first..).zip(&mut *pixels) {
+            let (x, y) = ((index % width) as u32, (index / width) as u32);
             if !wanted(x, y) {
                 *pixel = NO_SAMPLE;
                 continue;
             }
-            let sampler = Sampler::new(self.settings.seed, x, y, sample(x));
+            *pixel = [0.0; 3];
+            let sampler = Sampler::new(self.settings.seed, x, y, sample(index));
             let lens = if self.eye.has_lens() { sampler.pair(PAIR_LENS) } else { [0.0; 2] };
-            let ray = self.filtered_ray(x, y, sampler.pair(PAIR_FILTER), lens);
-            let seen = self.world.trace(ray, &sampler, &self.settings);
-            *pixel = seen.radiance;
-            rays += seen.rays;
+            wave.push(self.filtered_ray(x, y, sampler.pair(PAIR_FILTER), lens), sampler);
         }
-        Ok(rays)
+        self.world.follow(wave, &self.settings, cancel)?;
+        let sampled = pixels.iter_mut().filter(|pixel| **pixel != NO_SAMPLE);
+        sampled.zip(&wave.radiance).for_each(|(pixel, radiance)| *pixel = *radiance);
+        Ok(PassStats { rays: wave.traced, busy: watch.elapsed(), asking: wave.asking })
     }
 
     /// The camera ray through a place of a pixel's filter and of the lens.

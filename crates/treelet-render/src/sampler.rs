@@ -16,14 +16,16 @@
 #[derive(Clone, Copy, Debug)]
 pub struct Sampler {
     key: u64,
-    sample: u32,
+    /// The number of the sample, its lowest digit first.
+    reversed: u32,
 }
 
 impl Sampler {
     /// The points of sample number `sample` of the pixel at column `x`, row `y`.
     pub fn new(seed: u64, x: u32, y: u32, sample: u32) -> Self {
         let pixel = u64::from(y) << 32 | u64::from(x);
-        Self { key: mix(mix(seed.wrapping_add(GOLDEN)) ^ pixel), sample }
+        let reversed = sample.reverse_bits();
+        Self { key: mix(mix(seed.wrapping_add(GOLDEN)) ^ pixel), reversed }
     }
 
     /// Pair number `pair` in the unit square, 1 excluded, as two 32-bit fractions.
@@ -33,16 +35,19 @@ impl Sampler {
     pub fn pair_bits(&self, pair: u32) -> [u32; 2] {
         let first = mix(self.key.wrapping_add(u64::from(pair).wrapping_mul(GOLDEN)));
         let second = mix(first ^ GOLDEN);
-        let index = permute(self.sample.reverse_bits(), first as u32).reverse_bits();
-        let x = permute(index, (first >> 32) as u32).reverse_bits();
-        let y = permute(pascal(index), second as u32).reverse_bits();
-        [x, y]
+        let index = permute(self.reversed, first as u32).reverse_bits();
+        let x = permute(index, (first >> 32) as u32);
+        let y = permute(pascal(index), second as u32);
+        // Both are turned around at once: that is most of the work.
+        let both = (u64::from(y) << 32 | u64::from(x)).reverse_bits();
+        [(both >> 32) as u32, both as u32]
     }
 
     /// Pair number `pair` in the unit square, 1 excluded.
     #[inline]
     pub fn pair(&self, pair: u32) -> [f32; 2] {
-        self.pair_bits(pair).map(fraction)
+        let [x, y] = self.pair_bits(pair);
+        [fraction(x), fraction(y)]
     }
 }
 

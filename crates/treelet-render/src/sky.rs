@@ -13,6 +13,7 @@
 use crate::color;
 use crate::error::RenderError;
 use crate::frame::{Frame, unit};
+use crate::trig::sincos_of_turn;
 use core::f32::consts::{FRAC_1_PI, PI, TAU};
 use treelet::math::vec3;
 use treelet_model::{Model, Sky, Sun};
@@ -61,6 +62,8 @@ pub(crate) struct SkyLight {
     p_sun: f32,
     /// Probability up to the end of each step of height.
     cumulative: [f32; STEPS],
+    /// By the same share of 1 as a step's number is of all: the first step that may hold it.
+    first: [u8; STEPS],
     /// Density over solid angle in each step.
     density: [f32; STEPS],
 }
@@ -101,7 +104,7 @@ impl Disc {
     fn sample(&self, u: [f32; 2]) -> [f32; 3] {
         let height = u[0] * self.cap;
         let radius = (height * (2.0 - height)).sqrt();
-        let (sin, cos) = libm::sincosf(TAU * u[1]);
+        let (sin, cos) = sincos_of_turn(u[1]);
         unit(self.frame.to_world([radius * cos, radius * sin, 1.0 - height]))
     }
 }
@@ -128,6 +131,7 @@ impl SkyLight {
             wide_sun: wide_sun.or(sun),
             p_sun: 0.0,
             cumulative: [1.0; STEPS],
+            first: [0; STEPS],
             density: [0.25 * FRAC_1_PI; STEPS],
         };
         out.tabulate();
@@ -152,6 +156,10 @@ impl SkyLight {
             }
             self.cumulative[STEPS - 1] = 1.0;
         }
+        self.first = core::array::from_fn(|share| {
+            let share = share as f32 / STEPS as f32;
+            self.cumulative.partition_point(|&end| end <= share).min(STEPS - 1) as u8
+        });
 
         // Sun and gradient share the samples as they share the flux, each at least a quarter.
         let sun = self.sun.map_or(0.0, |sun| {
@@ -200,13 +208,17 @@ impl SkyLight {
             return sun.sample(u);
         }
         // Find the step, and the place in it, for the first coordinate.
-        let step = self.cumulative.partition_point(|&end| end <= u[0]).min(STEPS - 1);
+        let share = ((u[0] * STEPS as f32) as usize).min(STEPS - 1);
+        let mut step = usize::from(self.first[share]);
+        while step < STEPS - 1 && self.cumulative[step] <= u[0] {
+            step += 1;
+        }
         let start = if step == 0 { 0.0 } else { self.cumulative[step - 1] };
         let width = (self.cumulative[step] - start).max(f32::MIN_POSITIVE);
         let place = step as f32 + ((u[0] - start) / width).clamp(0.0, 1.0);
         let height = place * (2.0 / STEPS as f32) - 1.0;
         let radius = (1.0 - height * height).max(0.0).sqrt();
-        let (sin, cos) = libm::sincosf(TAU * u[1]);
+        let (sin, cos) = sincos_of_turn(u[1]);
         let mut direction = [0.0; 3];
         direction[self.sky.up] = height;
         direction[(self.sky.up + 1) % 3] = radius * cos;

@@ -1,8 +1,8 @@
 //! A vertex of a path: the surface there, and where the path goes on.
 
-use crate::bsdf::{Bsdf, Odds};
+use crate::bsdf::{Bsdf, Lobes, Odds};
 use crate::color;
-use crate::frame::Frame;
+use crate::frame::{Frame, unit};
 use crate::integrator::World;
 use crate::path::Path;
 use crate::surface::Surface;
@@ -25,13 +25,15 @@ pub(crate) struct Vertex<'a> {
 }
 
 impl<'a> Vertex<'a> {
-    /// The vertex where a ray along `direction` meets a surface; `regular` smooths its lobes.
-    #[inline]
+    /// The vertex where a ray along `direction` meets a surface; `regular` smooths its lobes,
+    /// `room` is for numbers of its own.
+    #[inline(always)]
     pub(crate) fn new(
         world: &'a World<'_>,
         mut surface: Surface,
         direction: [f32; 3],
         regular: bool,
+        room: &'a mut Option<Lobes>,
     ) -> Self {
         let back = vec3::scale(direction, -1.0);
         let outside = vec3::dot(back, surface.geometric) >= 0.0;
@@ -39,13 +41,14 @@ impl<'a> Vertex<'a> {
         surface.shading = world.materials.shading_normal(&world.surfaces, &surface);
         let frame = Frame::around(surface.shading_toward(back, facing));
         let wo = grazing_at_least(frame.to_local(back));
-        let bsdf = world.materials.bsdf(&world.surfaces, &surface.on, outside, regular);
+        let bsdf = world.materials.bsdf(&world.surfaces, &surface.on, outside, regular, room);
         let odds = bsdf.odds(wo);
         Self { surface, bsdf, frame, wo, odds, facing }
     }
 
-    /// Sends the path on; `false` if it ends here.
-    pub(crate) fn scatter(&self, path: &mut Path, u_lobe: f32, u: [f32; 2]) -> bool {
+    /// Sends the path on, along `ray`; `false` if it ends here.
+    #[inline]
+    pub(crate) fn scatter(&self, path: &mut Path, ray: &mut Ray, u_lobe: f32, u: [f32; 2]) -> bool {
         let Some(scattered) = self.bsdf.sample(&self.odds, self.wo, u_lobe, u) else {
             return false;
         };
@@ -58,20 +61,21 @@ impl<'a> Vertex<'a> {
             }
             // Smooth glass tries again with the geometric normal, or its rim would be black.
             let frame = Frame::around(self.facing);
-            let wo = grazing_at_least(frame.to_local(vec3::scale(path.ray.direction, -1.0)));
+            let wo = grazing_at_least(frame.to_local(vec3::scale(ray.direction, -1.0)));
             match self.bsdf.sample(&self.bsdf.odds(wo), wo, u_lobe, u) {
                 Some(again) if again.pdf == 0.0 => direction = frame.to_world(again.wi),
                 _ => return false,
             }
         }
-        let Some(direction) = vec3::normalize(direction) else { return false };
+        // Frames are of unit vectors, so the length is about 1.
+        let direction = unit(direction);
         path.throughput = color::mul(path.throughput, scattered.weight);
         path.pdf = scattered.pdf;
         if scattered.pdf > 0.0 {
             path.scattered += 1;
             path.broad |= scattered.pdf < BROAD_PDF;
         }
-        path.ray = Ray::new(self.surface.leave(direction), direction);
+        *ray = Ray::new(self.surface.leave(direction), direction);
         color::max(path.throughput) > 0.0
     }
 }

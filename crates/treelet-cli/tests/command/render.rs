@@ -263,3 +263,35 @@ fn shells_and_manuals_know_the_flags() {
     assert!(folder.run("man").ends(0).stdout.contains("inspect"));
     folder.run("man nothing").ends(2);
 }
+
+/// A room without doors, seen from inside: the sky cannot light it, a lamp at the camera can.
+#[test]
+fn dark_rooms_are_told_and_lit() {
+    let folder = Folder::new();
+    let corner = |i: u32| {
+        let side = |axis: u32| if i >> axis & 1 == 1 { 1 } else { -1 };
+        format!("v {} {} {}\n", side(0), side(1), side(2))
+    };
+    let room: String = (0..8).map(corner).collect();
+    folder.write(
+        "room.obj",
+        &format!("{room}f 1 5 7 3\nf 2 4 8 6\nf 1 2 6 5\nf 3 7 8 4\nf 1 3 4 2\nf 5 6 8 7\n"),
+    );
+    let inside = |rest: &str| {
+        let mut command = folder.command("render room.obj --size 24x16 --spp 2 --json --camera");
+        command.arg("from=0,0,0.9 at=0,0,0").args(rest.split_whitespace());
+        crate::kit::Run::new(rest, command.output().unwrap()).ends(0)
+    };
+    let dark = inside("-o dark.png");
+    assert!(dark.stderr.contains("--light headlamp"), "{}", dark.stderr);
+    assert!(dark.json("render")["warnings"][0].as_str().unwrap().starts_with("100 %"));
+    let lit = inside("-o lit.png --light headlamp");
+    assert!(!lit.stderr.contains("black"), "{}", lit.stderr);
+    assert!(folder.read("lit.png").len() > 2 * folder.read("dark.png").len());
+    let share = lit.json("render")["query_share"].as_f64().unwrap();
+    assert!(share > 0.0 && share < 1.0, "{share}");
+
+    folder.write("scene.obj", SCENE);
+    let open = folder.run("render scene.obj --size 24x16 --spp 2").ends(0);
+    assert!(!open.stderr.contains("black"), "{}", open.stderr);
+}

@@ -60,7 +60,7 @@ impl Albedo {
     }
 
     /// The share that is scattered of light seen under `cos`, in `0 ..= 1`.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn at(&self, cos: f32) -> f32 {
         let place = cos.clamp(0.0, 1.0).sqrt() * (NODES - 1) as f32;
         let node = (place as usize).min(NODES - 2);
@@ -75,18 +75,18 @@ pub(crate) struct Rows(Vec<Arc<Albedo>>);
 
 impl Rows {
     /// The albedo under `cos` for a perceptual roughness.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn at(&self, roughness: f32, cos: f32) -> f32 {
         self.blend(roughness, |row| row.at(cos))
     }
 
     /// The mean over the hemisphere.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn mean(&self, roughness: f32) -> f32 {
         self.blend(roughness, |row| row.mean)
     }
 
-    #[inline]
+    #[inline(always)]
     fn blend(&self, roughness: f32, value: impl Fn(&Albedo) -> f32) -> f32 {
         if let [only] = self.0.as_slice() {
             return value(only);

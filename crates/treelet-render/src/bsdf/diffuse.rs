@@ -1,6 +1,7 @@
 //! Lambert's law, and how to draw directions by it.
 
-use core::f32::consts::{FRAC_1_PI, TAU};
+use crate::trig::sincos_of_turn;
+use core::f32::consts::FRAC_1_PI;
 
 /// The density of [`sample`], and the value times cosine of a white diffuse surface.
 #[inline(always)]
@@ -12,6 +13,6 @@ pub(crate) fn density(cos: f32) -> f32 {
 #[inline]
 pub(crate) fn sample(u: [f32; 2]) -> [f32; 3] {
     let radius = u[0].sqrt();
-    let (sin, cos) = libm::sincosf(TAU * u[1]);
+    let (sin, cos) = sincos_of_turn(u[1]);
     [radius * cos, radius * sin, (1.0 - u[0]).max(0.0).sqrt()]
 }

@@ -13,15 +13,18 @@ pub(super) const COS_DIFFUSE: f32 = 2.0 / 3.0;
 pub(crate) fn dielectric(cos: f32, eta: f32) -> f32 {
     // At exactly grazing incidence both quotients are 0 / 0 for `eta` 1.
     let cos = cos.clamp(1e-6, 1.0);
-    // Written so that nothing cancels for `eta` 1.
-    let cos2_far = (eta * eta - 1.0 + cos * cos) / (eta * eta);
-    if cos2_far <= 0.0 {
+    // Written so that nothing cancels for `eta` 1, and one division is enough.
+    let eta2 = eta * eta;
+    let far2 = eta2 - 1.0 + cos * cos;
+    if far2 <= 0.0 {
         return 1.0;
     }
-    let cos_far = cos2_far.sqrt();
-    let perpendicular = (cos - eta * cos_far) / (cos + eta * cos_far);
-    let parallel = (eta * cos - cos_far) / (eta * cos + cos_far);
-    0.5 * (perpendicular * perpendicular + parallel * parallel)
+    // `eta` times the cosine on the far side.
+    let far = far2.sqrt();
+    let near = eta2 * cos;
+    let (p, q) = ((cos - far) * (near + far), (near - far) * (cos + far));
+    let whole = (cos + far) * (near + far);
+    0.5 * (p * p + q * q) / (whole * whole)
 }
 
 /// C. Schlick's rise to 1 at grazing angles, "An Inexpensive BRDF Model for Physically-based

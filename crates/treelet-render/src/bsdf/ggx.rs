@@ -11,7 +11,8 @@
 //! [`super::albedo`].
 
 use crate::frame::unit;
-use core::f32::consts::{PI, TAU};
+use crate::trig::sincos_of_turn;
+use core::f32::consts::PI;
 use treelet::math::vec3;
 
 /// The least width: below it f32 directions do not resolve the lobe, about 3 minutes of arc wide.
@@ -49,14 +50,28 @@ impl Ggx {
     }
 
     /// For a mirror of reflectance 1: value times the cosine of `wi`, density of sampling `wi`, and
-    /// the cosine between `wo` and the facet. Both directions are in the upper hemisphere.
+    /// the cosine between `wo` and the facet. Both directions are of unit length, in the upper
+    /// hemisphere.
     #[inline]
     pub(crate) fn eval(self, wo: [f32; 3], wi: [f32; 3]) -> (f32, f32, f32) {
-        let half = unit(vec3::add(wo, wi));
-        let (lambda_o, lambda_i) = (self.lambda(wo), self.lambda(wi));
-        let density = self.density(half) / (4.0 * wo[2]);
-        let value = density / (1.0 + lambda_o + lambda_i);
-        (value, density / (1.0 + lambda_o), vec3::dot(wo, half))
+        // The density of facets, without taking the root of the half vector's length.
+        let alpha2 = self.alpha * self.alpha;
+        let half = vec3::add(wo, wi);
+        let length2 = vec3::dot(half, half);
+        let s = half[0] * half[0] + half[1] * half[1] + alpha2 * half[2] * half[2];
+        let density = alpha2 * (length2 * length2) / (2.0 * PI * s * s);
+
+        // `1 + Lambda` is `(cos + reach) / (2 cos)`: the cosines cancel.
+        let (reach_o, reach_i) = (self.reach(wo), self.reach(wi));
+        let value = density * wi[2] / (reach_o * wi[2] + reach_i * wo[2]);
+        (value, density / (wo[2] + reach_o), 0.5 * length2.sqrt())
+    }
+
+    /// The length of a direction, squeezed by the width along the surface.
+    #[inline(always)]
+    fn reach(self, w: [f32; 3]) -> f32 {
+        let alpha2 = self.alpha * self.alpha;
+        (w[2] * w[2] + alpha2 * (w[0] * w[0] + w[1] * w[1])).sqrt()
     }
 
     /// For facets that let everything through: value times the cosine of `wi` (of radiance divided
@@ -98,7 +113,7 @@ impl Ggx {
         let ball = unit([self.alpha * wo[0], self.alpha * wo[1], wo[2]]);
 
         // Draw the reflected direction uniformly from a spherical cap around the normal.
-        let (sin_phi, cos_phi) = libm::sincosf(TAU * u[0]);
+        let (sin_phi, cos_phi) = sincos_of_turn(u[0]);
         let z = (1.0 - u[1]) * (1.0 + ball[2]) - ball[2];
         let sin = (1.0 - z * z).max(0.0).sqrt();
         let facet = vec3::add([sin * cos_phi, sin * sin_phi, z], ball);

@@ -26,6 +26,7 @@ pub(crate) use tables::Tables;
 
 use crate::color;
 use ggx::Ggx;
+use treelet::math::vec3;
 
 /// The numbers of a material at a point, as a model gives them; any value.
 #[derive(Clone, Copy, Debug)]
@@ -45,6 +46,17 @@ pub(crate) struct Factors {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bsdf<'a> {
     tables: &'a Tables,
+    lobes: &'a Lobes,
+    /// Index of refraction of the far side over that of the viewer's.
+    eta: f32,
+    /// Whether the viewer is on the side the geometric normal points to.
+    outside: bool,
+}
+
+/// The numbers of a surface, in their ranges: the same from all sides, so that where no texture
+/// changes them they are found once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lobes {
     ggx: Ggx,
     /// Perceptual: what the tables are asked for.
     roughness: f32,
@@ -54,17 +66,16 @@ pub(crate) struct Bsdf<'a> {
     base: f32,
     /// Reflectance of the metal at normal incidence, and albedo of the base.
     color: [f32; 3],
+    luminance: f32,
     /// Factor on the coat's reflection, and its largest channel.
     specular: [f32; 3],
     specular_max: f32,
+    /// The reciprocal of what the coat lets out of the base in the mean.
+    over_mean: f32,
     clear: f32,
     clear_ggx: Ggx,
     clear_roughness: f32,
     glass_kind: GlassKind,
-    /// Index of refraction of the far side over that of the viewer's.
-    eta: f32,
-    /// Whether the viewer is on the side the geometric normal points to.
-    outside: bool,
 }
 
 /// How light comes through.
@@ -94,22 +105,25 @@ pub(crate) struct Odds {
     clear: f32,
     mirror: f32,
     diffuse: f32,
+    /// What the coat lets out of the base toward the view, over what it lets out in the mean.
+    out: f32,
 }
 
 /// Even a black metal shines at grazing angles, so its lobe is tried this often.
 const METAL_LEAST: f32 = 0.1;
 
-impl<'a> Bsdf<'a> {
-    /// Prepares a surface; factors above their range count as its end. `outside` says whether the
-    /// viewer is on the side the geometric normal points to.
-    pub(crate) fn new(tables: &'a Tables, factors: &Factors, outside: bool) -> Self {
+impl Lobes {
+    /// Prepares numbers; those above their range count as its end.
+    pub(crate) fn new(tables: &Tables, factors: &Factors) -> Self {
         let unit = |x: f32| x.clamp(0.0, 1.0);
+        let all = |[r, g, b]: [f32; 3]| [unit(r), unit(g), unit(b)];
         let metal = unit(factors.metallic);
         let glass = (1.0 - metal) * unit(factors.transmission);
         let plain = unit(factors.roughness);
         let roughness = plain.max(tables.roughness_min);
         let clear_roughness = unit(factors.clear_coat_roughness).max(tables.roughness_min);
-        let specular = factors.specular.map(unit);
+        let (color, specular) = (all(factors.base_color), all(factors.specular));
+        let specular_max = color::max(specular);
         let smooth = plain * plain <= ggx::ALPHA_MIN
             || !factors.thin_walled && tables.ior - 1.0 < glass::BENDS_LEAST;
         let glass_kind = match (smooth, factors.thin_walled) {
@@ -119,34 +133,44 @@ impl<'a> Bsdf<'a> {
             (false, true) => GlassKind::RoughThin(Ggx::of_roughness(plain), plain),
         };
         Self {
-            tables,
             ggx: Ggx::of_roughness(roughness),
             roughness,
             metal,
             glass,
             base: (1.0 - metal - glass).max(0.0),
-            color: factors.base_color.map(unit),
+            color,
+            luminance: color::luminance(color),
             specular,
-            specular_max: color::max(specular),
+            specular_max,
+            over_mean: 1.0 / (1.0 - specular_max * tables.coat.mean(roughness)).max(1e-6),
             clear: unit(factors.clear_coat),
             clear_ggx: Ggx::of_roughness(clear_roughness),
             clear_roughness,
             glass_kind,
-            eta: if outside { tables.ior } else { 1.0 / tables.ior },
-            outside,
         }
+    }
+}
+
+impl<'a> Bsdf<'a> {
+    /// The surface with these numbers; `outside` says whether the viewer is on the side the
+    /// geometric normal points to.
+    #[inline]
+    pub(crate) fn new(tables: &'a Tables, lobes: &'a Lobes, outside: bool) -> Self {
+        let eta = if outside { tables.ior } else { 1.0 / tables.ior };
+        Self { tables, lobes, eta, outside }
     }
 
     /// Whether light from a sampled direction cannot be scattered at all: by smooth glass alone.
     pub(crate) fn is_smooth_only(&self) -> bool {
-        let rough = matches!(self.glass_kind, GlassKind::Rough(..) | GlassKind::RoughThin(..));
-        self.metal == 0.0 && self.base == 0.0 && self.clear == 0.0 && !rough
+        let rough =
+            matches!(self.lobes.glass_kind, GlassKind::Rough(..) | GlassKind::RoughThin(..));
+        self.lobes.metal == 0.0 && self.lobes.base == 0.0 && self.lobes.clear == 0.0 && !rough
     }
 
     /// What the surface looks like in white light, about: for the guides of a denoiser.
     pub(crate) fn albedo(&self) -> [f32; 3] {
-        let white = self.glass;
-        self.color.map(|c| (1.0 - white) * c + white)
+        let white = self.lobes.glass;
+        self.lobes.color.map(|c| (1.0 - white) * c + white)
     }
 
     /// Value times the cosine of `wi`, and the density with which [`Bsdf::sample`] draws `wi`.
@@ -159,39 +183,40 @@ impl<'a> Bsdf<'a> {
             return self.eval_glass(wo, wi, odds);
         }
         let (mut value, mut pdf) = ([0.0; 3], 0.0);
-        if self.glass > 0.0 {
+        if self.lobes.glass > 0.0 {
             (value, pdf) = self.eval_glass(wo, wi, odds);
         }
 
         // The base under its coat, and what the metal's facets lose.
         let (under, under_diffuse) = self.under_clear(wo[2], wi[2]);
         let lambert = diffuse::density(wi[2]);
-        if self.base > 0.0 {
-            let kept = |cos| 1.0 - self.specular_max * self.tables.coat.at(self.roughness, cos);
-            let mean = 1.0 - self.specular_max * self.tables.coat.mean(self.roughness);
-            let through = kept(wo[2]) * kept(wi[2]) / mean * lambert * under_diffuse * self.base;
-            (0..3).for_each(|c| value[c] += self.color[c] * through);
+        if self.lobes.base > 0.0 {
+            let kept =
+                1.0 - self.lobes.specular_max * self.tables.coat.at(self.lobes.roughness, wi[2]);
+            let through = odds.out * kept * lambert * under_diffuse * self.lobes.base;
+            value = added(value, self.lobes.color, through);
         }
-        if self.metal > 0.0 {
-            let again = self.metal * self.lost_by_metal(wo[2], wi[2]) * lambert * under;
-            let mean = self.tables.mirror.mean(self.roughness);
-            (0..3).for_each(|c| value[c] += again * bounced(self.color[c], mean));
+        if self.lobes.metal > 0.0 {
+            let again = self.lobes.metal * self.lost_by_metal(wo[2], wi[2]) * lambert * under;
+            let mean = self.tables.mirror.mean(self.lobes.roughness);
+            let [r, g, b] = self.lobes.color;
+            value = added(value, [bounced(r, mean), bounced(g, mean), bounced(b, mean)], again);
         }
         pdf += odds.diffuse * lambert;
 
         // The coat and the metal.
         if odds.mirror > 0.0 {
-            let (mirror, density, cos) = self.ggx.eval(wo, wi);
+            let (mirror, density, cos) = self.lobes.ggx.eval(wo, wi);
             let reflectance = self.reflectance(cos);
-            (0..3).for_each(|c| value[c] += mirror * reflectance[c] * under);
+            value = added(value, reflectance, mirror * under);
             pdf += odds.mirror * density;
         }
 
         // The clear coat.
         if odds.clear > 0.0 {
-            let (mirror, density, cos) = self.clear_ggx.eval(wo, wi);
-            let shine = self.clear * fresnel::dielectric(cos, tables::CLEAR_IOR) * mirror;
-            (0..3).for_each(|c| value[c] += shine);
+            let (mirror, density, cos) = self.lobes.clear_ggx.eval(wo, wi);
+            let shine = self.lobes.clear * fresnel::dielectric(cos, tables::CLEAR_IOR) * mirror;
+            value = added(value, [1.0; 3], shine);
             pdf += odds.clear * density;
         }
         (value, pdf)
@@ -200,24 +225,22 @@ impl<'a> Bsdf<'a> {
     /// The mirror lobe's reflectance, metal and coat together, by the cosine with the facet.
     #[inline]
     fn reflectance(&self, cos: f32) -> [f32; 3] {
-        let coat = if self.base > 0.0 { fresnel::dielectric(cos, self.tables.ior) } else { 0.0 };
-        let coat = self.specular.map(|tint| self.base * coat * tint);
-        if self.metal == 0.0 {
+        let coat =
+            if self.lobes.base > 0.0 { fresnel::dielectric(cos, self.tables.ior) } else { 0.0 };
+        let coat = vec3::scale(self.lobes.specular, self.lobes.base * coat);
+        if self.lobes.metal == 0.0 {
             return coat;
         }
-        let rise = fresnel::schlick(cos);
-        core::array::from_fn(|c| {
-            let f0 = self.color[c];
-            coat[c] + self.metal * (f0 + (1.0 - f0) * rise)
-        })
+        let metal = color::mix(self.lobes.color, [1.0; 3], fresnel::schlick(cos));
+        added(coat, metal, self.lobes.metal)
     }
 
     /// What single bounces between the metal's facets lose, spread over directions.
     #[inline]
     fn lost_by_metal(&self, cos_o: f32, cos_i: f32) -> f32 {
         let mirror = &self.tables.mirror;
-        let lost = |cos| 1.0 - mirror.at(self.roughness, cos);
-        lost(cos_o) * lost(cos_i) / (1.0 - mirror.mean(self.roughness)).max(1e-6)
+        let lost = |cos| 1.0 - mirror.at(self.lobes.roughness, cos);
+        lost(cos_o) * lost(cos_i) / (1.0 - mirror.mean(self.lobes.roughness)).max(1e-6)
     }
 
     /// What the clear coat leaves of light on its way in and out, for lobes around a mirror
@@ -228,32 +251,37 @@ impl<'a> Bsdf<'a> {
     /// two passages, which was tried, gains 8 % there.
     #[inline]
     fn under_clear(&self, cos_o: f32, cos_i: f32) -> (f32, f32) {
-        if self.clear == 0.0 {
+        if self.lobes.clear == 0.0 {
             return (1.0, 1.0);
         }
         let clear = &self.tables.clear;
-        let kept = |cos| 1.0 - self.clear * clear.at(self.clear_roughness, cos);
+        let kept = |cos| 1.0 - self.lobes.clear * clear.at(self.lobes.clear_roughness, cos);
         let (out, back) = (kept(cos_o), kept(cos_i));
-        (out.min(back), out * back / (1.0 - self.clear * clear.mean(self.clear_roughness)))
+        (
+            out.min(back),
+            out * back / (1.0 - self.lobes.clear * clear.mean(self.lobes.clear_roughness)),
+        )
     }
 
     /// Lobes are chosen by about what they scatter; to be found once for each view.
     #[inline]
     pub(crate) fn odds(&self, wo: [f32; 3]) -> Odds {
-        let luminance = color::luminance(self.color);
-        let mut odds = Odds { glass: self.glass, clear: 0.0, mirror: 0.0, diffuse: 0.0 };
-        if self.base > 0.0 {
-            let coat = self.specular_max * self.tables.coat.at(self.roughness, wo[2]);
-            odds.mirror += self.base * coat;
-            odds.diffuse += self.base * (1.0 - coat) * luminance;
+        let luminance = self.lobes.luminance;
+        let mut odds =
+            Odds { glass: self.lobes.glass, clear: 0.0, mirror: 0.0, diffuse: 0.0, out: 0.0 };
+        if self.lobes.base > 0.0 {
+            let coat = self.lobes.specular_max * self.tables.coat.at(self.lobes.roughness, wo[2]);
+            odds.mirror += self.lobes.base * coat;
+            odds.diffuse += self.lobes.base * (1.0 - coat) * luminance;
+            odds.out = (1.0 - coat) * self.lobes.over_mean;
         }
-        if self.metal > 0.0 {
-            let kept = self.tables.mirror.at(self.roughness, wo[2]);
-            odds.mirror += self.metal * luminance.max(METAL_LEAST);
-            odds.diffuse += self.metal * luminance * (1.0 - kept);
+        if self.lobes.metal > 0.0 {
+            let kept = self.tables.mirror.at(self.lobes.roughness, wo[2]);
+            odds.mirror += self.lobes.metal * luminance.max(METAL_LEAST);
+            odds.diffuse += self.lobes.metal * luminance * (1.0 - kept);
         }
-        if self.clear > 0.0 {
-            let clear = self.clear * self.tables.clear.at(self.clear_roughness, wo[2]);
+        if self.lobes.clear > 0.0 {
+            let clear = self.lobes.clear * self.tables.clear.at(self.lobes.clear_roughness, wo[2]);
             odds.glass *= 1.0 - clear;
             odds.mirror *= 1.0 - clear;
             odds.diffuse *= 1.0 - clear;
@@ -262,7 +290,7 @@ impl<'a> Bsdf<'a> {
         let sum = odds.glass + odds.clear + odds.mirror + odds.diffuse;
         if sum <= 0.0 {
             // A black surface with no coat: any odds do, as every value is 0.
-            return Odds { glass: 0.0, clear: 0.0, mirror: 0.0, diffuse: 1.0 };
+            return Odds { glass: 0.0, clear: 0.0, mirror: 0.0, diffuse: 1.0, out: odds.out };
         }
         let scale = 1.0 / sum;
         Odds {
@@ -270,8 +298,15 @@ impl<'a> Bsdf<'a> {
             clear: odds.clear * scale,
             mirror: odds.mirror * scale,
             diffuse: odds.diffuse * scale,
+            out: odds.out,
         }
     }
+}
+
+/// `a + b * s`.
+#[inline(always)]
+fn added(a: [f32; 3], b: [f32; 3], s: f32) -> [f32; 3] {
+    vec3::add(a, vec3::scale(b, s))
 }
 
 /// The colour of light that bounced several times between facets of reflectance `f0`, whose mean

@@ -31,23 +31,23 @@ impl Bsdf<'_> {
                 Some(rough) => rough.sample(wo, choice, u)?,
             }
         } else if choice < odds.glass + odds.clear {
-            above(self.clear_ggx.sample(wo, u))?
+            above(self.lobes.clear_ggx.sample(wo, u))?
         } else if choice < odds.glass + odds.clear + odds.mirror {
-            above(self.ggx.sample(wo, u))?
+            above(self.lobes.ggx.sample(wo, u))?
         } else {
             diffuse::sample(u)
         };
         let (value, pdf) = self.eval(odds, wo, wi);
         (pdf > 0.0 && pdf.is_finite()).then(|| Scattered {
             wi,
-            weight: value.map(|v| v / pdf),
+            weight: vec3::scale(value, 1.0 / pdf),
             pdf,
         })
     }
 
     fn sample_smooth(&self, wo: [f32; 3], u: f32, odds: f32) -> Scattered {
-        let share = self.glass / odds;
-        let thin = self.glass_kind == GlassKind::SmoothThin;
+        let share = self.lobes.glass / odds;
+        let thin = self.lobes.glass_kind == GlassKind::SmoothThin;
         let passage = if thin {
             glass::sample_thin(wo, self.tables.ior, u)
         } else {
@@ -63,11 +63,11 @@ impl Bsdf<'_> {
 
     /// What one passage does to colour: light goes in and out of a solid, and through a pane once.
     fn tint(&self, thin: bool) -> [f32; 3] {
-        if thin { self.color } else { self.color.map(f32::sqrt) }
+        if thin { self.lobes.color } else { self.lobes.color.map(f32::sqrt) }
     }
 
     fn rough_glass(&self) -> Option<Rough<'_, '_>> {
-        let (ggx, roughness, thin) = match self.glass_kind {
+        let (ggx, roughness, thin) = match self.lobes.glass_kind {
             GlassKind::Rough(ggx, roughness) => (ggx, roughness, false),
             GlassKind::RoughThin(ggx, roughness) => (ggx, roughness, true),
             GlassKind::Smooth | GlassKind::SmoothThin => return None,
@@ -77,12 +77,12 @@ impl Bsdf<'_> {
 
     /// The part of [`Bsdf::eval`] that is rough glass.
     pub(super) fn eval_glass(&self, wo: [f32; 3], wi: [f32; 3], odds: &Odds) -> ([f32; 3], f32) {
-        let Some(rough) = self.rough_glass().filter(|_| self.glass > 0.0) else {
+        let Some(rough) = self.rough_glass().filter(|_| self.lobes.glass > 0.0) else {
             return ([0.0; 3], 0.0);
         };
         let (value, pdf) = rough.eval(wo, wi);
         let (under, _) = self.under_clear(wo[2], wi[2].abs());
-        let value = value * self.glass * under;
+        let value = value * self.lobes.glass * under;
         let tint = if wi[2] < 0.0 { self.tint(rough.thin) } else { [1.0; 3] };
         (tint.map(|c| c * value), pdf * odds.glass)
     }

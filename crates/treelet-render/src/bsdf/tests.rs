@@ -1,7 +1,7 @@
 //! Every kind of surface, by itself: samples follow densities, light is neither made nor lost, and
 //! both directions see each other alike.
 
-use super::{Albedos, Bsdf, Factors, Tables};
+use super::{Albedos, Bsdf, Factors, Lobes, Tables};
 use crate::sampler::Sampler;
 use core::f32::consts::TAU;
 use treelet_model::Material;
@@ -49,7 +49,7 @@ fn tables(material: &Material) -> Tables {
     Tables::new(material, 0.0, &mut Albedos::default())
 }
 
-fn bsdf<'a>(material: &Material, tables: &'a Tables, outside: bool) -> Bsdf<'a> {
+fn lobes(material: &Material, tables: &Tables) -> Lobes {
     let factors = Factors {
         base_color: material.base_color,
         metallic: material.metallic,
@@ -60,7 +60,7 @@ fn bsdf<'a>(material: &Material, tables: &'a Tables, outside: bool) -> Bsdf<'a> 
         clear_coat_roughness: material.clear_coat_roughness,
         thin_walled: material.thin_walled,
     };
-    Bsdf::new(tables, &factors, outside)
+    Lobes::new(tables, &factors)
 }
 
 fn direction(cos: f32, phi: f32) -> [f32; 3] {
@@ -74,7 +74,8 @@ fn white_surfaces_lose_nothing() {
     for (name, material, slack) in whites() {
         let tables = tables(&material);
         for outside in [true, false] {
-            let bsdf = bsdf(&material, &tables, outside);
+            let lobes = lobes(&material, &tables);
+            let bsdf = Bsdf::new(&tables, &lobes, outside);
             for cos in [0.15, 0.5, 0.95] {
                 let wo = direction(cos, 0.3);
                 let n = 1 << 14;
@@ -105,7 +106,8 @@ fn samples_follow_their_density() {
     const COLUMNS: usize = 6;
     for (name, material, _) in whites() {
         let tables = tables(&material);
-        let bsdf = bsdf(&material, &tables, true);
+        let lobes = lobes(&material, &tables);
+        let bsdf = Bsdf::new(&tables, &lobes, true);
         let wo = direction(0.6, 0.3);
         let cell = |w: [f32; 3]| {
             let row = ((w[2] + 1.0) * 0.5 * ROWS as f32) as usize;
@@ -142,7 +144,8 @@ fn both_directions_see_each_other_alike() {
     for (name, mut material, _) in whites() {
         material.base_color = [0.9, 0.5, 0.2];
         let tables = tables(&material);
-        let [outside, inside] = [true, false].map(|side| bsdf(&material, &tables, side));
+        let lobes = lobes(&material, &tables);
+        let [outside, inside] = [true, false].map(|side| Bsdf::new(&tables, &lobes, side));
         let squared = if material.thin_walled { 1.0 } else { material.ior * material.ior };
         let (mut compared, mut passed) = (0, 0);
         for i in 0..400 {

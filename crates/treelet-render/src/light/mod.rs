@@ -9,6 +9,7 @@ mod tree;
 
 use crate::color;
 use crate::error::RenderError;
+use crate::frame::direction_of;
 use crate::material::Materials;
 use crate::outside::Outside;
 use crate::surface::{Place, Surface, Surfaces};
@@ -60,9 +61,10 @@ pub(crate) struct LightSample {
 
 /// The numbers that one light sample is drawn from, each in `0 .. 1`; `index` in units of `2^-32`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct LightNumbers {
+pub(crate) struct LightNumbers<I> {
     pub(crate) kind: f32,
-    pub(crate) index: [u32; 2],
+    /// Drawn only where there are lights to choose from.
+    pub(crate) index: I,
     pub(crate) place: [f32; 2],
 }
 
@@ -108,11 +110,11 @@ impl<'a> Lights<'a> {
         materials: &Materials<'_>,
         from: &Surface,
         share: f32,
-        u: LightNumbers,
+        u: LightNumbers<impl Fn() -> [u32; 2]>,
     ) -> Option<LightSample> {
         if let Some(emitters) = self.emitters.as_ref().filter(|_| u.kind < share) {
-            let [high, low] = u.index.map(f64::from);
-            let index = (high + low / UNITS) / UNITS;
+            let [high, low] = (u.index)();
+            let index = (f64::from(high) + f64::from(low) / UNITS) / UNITS;
             let (light, probability) = emitters.tree.sample(from.point, index);
             let probability = share * probability as f32;
             return match &emitters.list[light as usize] {
@@ -121,7 +123,7 @@ impl<'a> Lights<'a> {
                 }
                 Emitter::Point(light) => {
                     let apart = vec3::sub(light.position, from.point);
-                    let direction = vec3::normalize(apart)?;
+                    let direction = direction_of(apart)?;
                     let intensity = light.toward(vec3::scale(direction, -1.0));
                     // In f64, where squares of small distances do not vanish.
                     let distance_sq: f64 = apart.iter().map(|&c| f64::from(c) * f64::from(c)).sum();
@@ -203,7 +205,7 @@ fn triangle_sample(
     let root = u[0].sqrt();
     let at = surfaces.at(place, root * (1.0 - u[1]), root * u[1], [0.0; 3])?;
     let apart = vec3::sub(at.point, from.point);
-    let direction = vec3::normalize(apart)?;
+    let direction = direction_of(apart)?;
     let cos = vec3::dot(direction, at.geometric);
     // Holes do not shine.
     if materials.has_alpha(at.on.material) && !materials.is_there(surfaces, &at.on, || u[0]) {

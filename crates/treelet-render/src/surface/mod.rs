@@ -8,7 +8,8 @@ mod place;
 mod tests;
 
 use crate::error::RenderError;
-use exact::{apply, cross, longest_side, unit};
+use crate::frame::direction_of;
+use exact::{apply, blended, cross, longest_side, unit};
 use place::PlaceRecord;
 use treelet::Hit;
 use treelet::math::vec3;
@@ -169,7 +170,9 @@ impl<'a> Surfaces<'a> {
     /// The corners of a triangle in the world.
     pub(crate) fn corners(&self, at: Place) -> Option<[[f64; 3]; 3]> {
         let place = self.places.get(at.placement as usize)?;
-        Some(corners(self.part(at)?, at.prim)?.map(|p| apply(&place.world_from_object, p)))
+        let [a, b, c] = corners(self.part(at)?, at.prim)?;
+        let map = &place.world_from_object;
+        Some([apply(map, a), apply(map, b), apply(map, c)])
     }
 
     /// The area of a triangle in the world; `None` unless it is finite and above 0.
@@ -186,6 +189,24 @@ impl<'a> Surfaces<'a> {
         let part = self.part(at)?;
         let (material, colored) = (part.material, part.part.colors.is_some());
         Some(PartPoint { at, weights: [hit.u, hit.v], material, colored })
+    }
+
+    /// Looks at the corners of what was hit, so that they are near when they are needed. Loads of this
+    /// loop overlap; those between two shadings, thousands of instructions apart, do not.
+    pub(crate) fn fetch(&self, places: impl Iterator<Item = Place> + Clone) {
+        let mut sum = 0;
+        for at in places.clone() {
+            let triangle = self.part(at).and_then(|part| part.triangles.get(at.prim as usize));
+            sum ^= triangle.map_or(0, |triangle| triangle[0]);
+        }
+        for at in places {
+            let Some(part) = self.part(at) else { continue };
+            let Some(triangle) = part.triangles.get(at.prim as usize) else { continue };
+            for vertex in triangle {
+                sum ^= part.positions.get(*vertex as usize).map_or(0, |p| p[0].to_bits());
+            }
+        }
+        core::hint::black_box(sum);
     }
 
     /// The surface under a hit of a ray along `direction`.
@@ -206,27 +227,27 @@ impl<'a> Surfaces<'a> {
         let place = self.places.get(at.placement as usize)?;
         let part = self.part(at)?;
         let corners = corners(part, at.prim)?;
-        let [a, b, c] = corners;
 
         // The point, in f64 so that only the last rounding counts.
-        let (u64, v64) = (f64::from(u), f64::from(v));
-        let object: [f64; 3] =
-            core::array::from_fn(|k| a[k] + u64 * (b[k] - a[k]) + v64 * (c[k] - a[k]));
-        let point = apply(&place.world_from_object, object).map(|x| x as f32);
+        let object = blended(&corners, [f64::from(u), f64::from(v)]);
+        let world = if place.unmoved { object } else { apply(&place.world_from_object, object) };
+        let point = [world[0] as f32, world[1] as f32, world[2] as f32];
 
         // The normals.
         let against = vec3::scale(direction, -1.0);
+        let to_world = |n: [f32; 3]| direction_of(place.object_from_world.transposed_vector(n));
         let facet = unit(cross(&corners));
-        let to_world = |n: [f32; 3]| vec3::normalize(place.object_from_world.transposed_vector(n));
-        let geometric = facet.and_then(to_world).unwrap_or(against);
-        let shading = part
-            .normals
-            .and_then(|normals| attributes::blend(normals, part.triangles, at.prim, [u, v]))
-            .and_then(to_world)
-            .map_or(geometric, |n| {
-                // Whichever way a file's normals point, the triangle decides what is outside.
-                vec3::scale(n, 1f32.copysign(vec3::dot(n, geometric)))
-            });
+        let facet = if place.unmoved { facet } else { facet.and_then(to_world) };
+        let geometric = facet.unwrap_or(against);
+        let shading = match part.normals {
+            None => geometric,
+            Some(normals) => attributes::blend(normals, part.triangles, at.prim, [u, v])
+                .and_then(to_world)
+                .map_or(geometric, |n| {
+                    // Whichever way a file's normals point, the triangle decides what is outside.
+                    vec3::scale(n, 1f32.copysign(vec3::dot(n, geometric)))
+                }),
+        };
 
         let offset = place.offset(point, geometric, longest_side(&corners));
         let (material, colored) = (part.material, part.part.colors.is_some());
@@ -235,9 +256,12 @@ impl<'a> Surfaces<'a> {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn corners(part: &PartRecord<'_>, prim: u32) -> Option<[[f64; 3]; 3]> {
     let [a, b, c] = *part.triangles.get(prim as usize)?;
-    let corner = |vertex: u32| part.positions.get(vertex as usize).map(|p| p.map(f64::from));
+    let corner = |vertex: u32| {
+        let [x, y, z] = *part.positions.get(vertex as usize)?;
+        Some([f64::from(x), f64::from(y), f64::from(z)])
+    };
     Some([corner(a)?, corner(b)?, corner(c)?])
 }

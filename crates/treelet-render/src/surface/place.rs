@@ -34,6 +34,8 @@ pub(super) struct PlaceRecord {
     pub(super) parts: usize,
     pub(super) world_from_object: Affine,
     pub(super) object_from_world: Affine,
+    /// Whether the map is the identity, as for most scenes of one mesh: half the work is saved.
+    pub(super) unmoved: bool,
     /// `|M| |M^-1|`.
     spread: [[f32; 3]; 3],
 }
@@ -48,12 +50,17 @@ impl PlaceRecord {
                 (0..3).map(|k| m[row][k].abs() * inverse[k][column].abs()).sum()
             })
         });
-        Self { first_part, parts, world_from_object, object_from_world, spread }
+        let unmoved = world_from_object == Affine::IDENTITY;
+        Self { first_part, parts, world_from_object, object_from_world, unmoved, spread }
     }
 
     /// The distance that a ray must start from a point; derived in the module head.
     #[inline]
     pub(super) fn offset(&self, point: [f32; 3], normal: [f32; 3], side: f32) -> f32 {
+        if self.unmoved {
+            let axis = |k: usize| normal[k].abs() * (side + point[k].abs());
+            return OFFSET * (axis(0) + axis(1) + axis(2));
+        }
         let m = self.world_from_object.0;
         let mut sum = 0.0;
         for row in 0..3 {

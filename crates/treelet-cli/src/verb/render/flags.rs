@@ -8,6 +8,7 @@ use clap::builder::{PathBufValueParser, RangedU64ValueParser, TypedValueParser a
 use clap::{Args, ValueEnum};
 use treelet_render::Settings;
 
+use super::light::LightChoice;
 use crate::camera::CameraChoice;
 use crate::input::{InvalidFlag, SceneFlags};
 use crate::show::Protocol;
@@ -69,6 +70,11 @@ pub(crate) struct Flags {
     /// longitude and latitude.
     #[arg(long, value_name = "FILE")]
     pub(super) env: Option<PathBuf>,
+
+    /// What lights the scene: its own lights, or the sky; or beside them a lamp where the camera
+    /// stands.
+    #[arg(long, value_enum, default_value_t)]
+    pub(super) light: LightChoice,
 
     /// Another seed, another noise.
     #[arg(long, value_name = "N", default_value_t = 0)]

@@ -3,6 +3,7 @@
 mod cameras;
 mod files;
 mod flags;
+mod light;
 mod passes;
 mod report;
 
@@ -20,9 +21,10 @@ use crate::camera;
 use crate::ending::{Ending, Failure};
 use crate::input::{self, Input};
 use crate::output::Output;
-use crate::session::{Outcome, Session, say};
+use crate::session::{Outcome, Session, say, warn};
 use crate::text;
 use files::Picture;
+use light::LightChoice;
 use passes::{Goal, Made};
 use report::{Differences, Report, Seconds};
 
@@ -57,6 +59,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
 
     // Make passes until the goal or Ctrl-C.
     let camera = cameras::choose(&flags, &input, &placed)?;
+    if flags.light == LightChoice::Headlamp {
+        input.model.lights.push(light::headlamp(&camera, &placed));
+    }
     let goal = Goal::new(flags.spp, flags.time, flags.noise);
     let settings = flags.settings(input.up);
     let job = Job { flags: &flags, input: &input, placed: &placed, goal, session };
@@ -78,6 +83,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     // Tell.
     let (skipped_triangles, skipped_instances) = input::skipped(&placed);
     let Done { film, made, frames } = done;
+    let complaint = light::complaint(&input.model, &film)?;
+    complaint.iter().for_each(|complaint| warn(complaint));
+    input.model.warnings.extend(complaint);
     let noise = film.noise();
     let report = Report {
         scene: input.name,
@@ -105,8 +113,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         placements: input.model.placements.len() as u64,
         skipped_triangles,
         skipped_instances,
-        rays: made.rays,
-        rays_per_second: made.rays as f64 / made.time.as_secs_f64().max(1e-9),
+        rays: made.stats.rays,
+        rays_per_second: made.stats.rays as f64 / made.time.as_secs_f64().max(1e-9),
+        query_share: made.query_share(),
         seconds: Seconds {
             read: input.time.as_secs_f64(),
             build: build_time.as_secs_f64(),
@@ -211,7 +220,7 @@ impl Job<'_> {
                 Err(Failure::Cancelled) if last.is_some() => break,
                 done => done?,
             };
-            total.rays += done.made.rays;
+            total.stats = total.stats.and(done.made.stats);
             total.time += done.made.time;
             names.push(file.display().to_string());
             last = Some(done.film);

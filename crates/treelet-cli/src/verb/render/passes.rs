@@ -54,8 +54,16 @@ impl Goal {
 /// What the passes took.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Made {
-    pub(super) rays: u64,
+    pub(super) stats: PassStats,
     pub(super) time: Duration,
+}
+
+impl Made {
+    /// The share of the threads' time that went by in the library's queries; what is left is
+    /// shading.
+    pub(super) fn query_share(&self) -> f64 {
+        self.stats.asking.as_secs_f64() / self.stats.busy.as_secs_f64().max(1e-9)
+    }
 }
 
 /// Adds passes to the film, and writes the picture after the first, every few seconds, and at the
@@ -73,7 +81,7 @@ pub(super) fn make_passes(
     let (mut written, mut write_time) = (0, start);
     loop {
         match next_pass(renderer, film, goal, session) {
-            Ok(Some(stats)) => made.rays += stats.rays,
+            Ok(Some(stats)) => made.stats = made.stats.and(stats),
             Ok(None) => break,
             Err(RenderError::Cancelled) if film.passes() == 0 => return Err(Failure::Cancelled),
             Err(RenderError::Cancelled) => break,
@@ -87,7 +95,7 @@ pub(super) fn make_passes(
             }
             (written, write_time) = (film.passes(), Instant::now());
         }
-        let rate = format!("pass {}, {}rays/s", film.passes(), text::rate(made.rays, made.time));
+        let rate = format!("pass {}, {}rays/s", film.passes(), text::rate(made.stats.rays, made.time));
         let place = match (goal.passes, goal.time) {
             (None, Some(_)) => made.time.as_millis() as u64,
             _ => film.passes().into(),

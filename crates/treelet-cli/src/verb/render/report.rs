@@ -39,6 +39,8 @@ pub(super) struct Report {
     pub(super) skipped_instances: u64,
     pub(super) rays: u64,
     pub(super) rays_per_second: f64,
+    /// The share of the threads' time that went by in the library's queries.
+    pub(super) query_share: f64,
     pub(super) seconds: Seconds,
     pub(super) aov: Vec<Layer>,
     /// Layers that were wanted and, after Ctrl-C, not made.
@@ -90,12 +92,18 @@ impl Differences {
 /// What was done, in a few lines, and how to get more.
 pub(super) fn tell(report: &Report, made: &Made, goal: &Goal) {
     let Report { output, width, height, passes, .. } = report;
+    let pictures = match report.frames.as_slice() {
+        [first, .., last] => format!("{first} to {last}"),
+        [only] => only.clone(),
+        [] => output.clone(),
+    };
     say(&format!(
-        "{output}: {width}x{height}, {}, {} in {} ({}rays/s)",
+        "{pictures}: {width}x{height}, {}, {} in {} ({}rays/s, {:.0} % of the time in queries)",
         text::things((*passes).into(), "pass"),
-        text::things(made.rays, "ray"),
+        text::things(made.stats.rays, "ray"),
         text::time(made.time),
-        text::rate(made.rays, made.time)
+        text::rate(made.stats.rays, made.time),
+        100.0 * made.query_share()
     ));
     for layer in &report.aov {
         say(&format!("{}: {}", layer.file, layer.name));
