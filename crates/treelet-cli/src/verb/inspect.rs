@@ -136,11 +136,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
 }
 
 /// Counts, builds with every builder and in every layout.
-fn overview(
-    input: Input,
-    builders: Vec<Recipe>,
-    session: &Session,
-) -> Result<Outcome, Failure> {
+fn overview(input: Input, builders: Vec<Recipe>, session: &Session) -> Result<Outcome, Failure> {
     let duplicate = {
         let _line = Line::spinner("looking for duplicates");
         duplicates::count(&input.model, &session.cancel)?

@@ -240,7 +240,9 @@ impl Tally {
                     let expected = answer(ray);
                     let hits = expected.len() as u64;
                     let differs = |(name, scene): &Candidate| {
-                        verify::check(scene, ray, &expected).err().map(|mismatch| (name.clone(), mismatch))
+                        verify::check(scene, ray, &expected)
+                            .err()
+                            .map(|mismatch| (name.clone(), mismatch))
                     };
                     (hits, candidates.iter().find_map(differs))
                 })

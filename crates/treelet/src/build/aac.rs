@@ -153,7 +153,8 @@ impl Join for Handing {
     type Open = Open;
 
     fn push(&self, open: &mut Open, part: &Part<'_>, below: &mut Below<'_>) {
-        let mut range = Range { begin: open.clusters.len(), leaves: part.leaves, level: part.level };
+        let mut range =
+            Range { begin: open.clusters.len(), leaves: part.leaves, level: part.level };
         open.clusters.extend_from_slice(part.clusters);
         self.reduce(open, &range, self.most(range.leaves), below);
         while let Some(left) = open.ranges.pop_if(|left| left.level > part.level) {

@@ -357,7 +357,10 @@ mod tests {
         for radius in [0, 129, u32::MAX] {
             let error = Ploc { radius, ..Ploc::DEFAULT }.build(&[], &Context::default());
             let value = f64::from(radius);
-            assert_eq!(error, Err(BuildError::Option { option: "radius", value, allowed: "1..=128" }));
+            assert_eq!(
+                error,
+                Err(BuildError::Option { option: "radius", value, allowed: "1..=128" })
+            );
         }
         assert!(Ploc { leaf_max: 0, ..Ploc::DEFAULT }.build(&[], &Context::default()).is_err());
     }

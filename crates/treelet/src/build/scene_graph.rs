@@ -119,8 +119,9 @@ mod tests {
     fn tree(groups: &[u32]) -> Tree {
         // Places have nothing to do with the order.
         let place = |i: usize| [(i * 7919 % 101) as f32, (i * 31 % 17) as f32, 0.0];
-        let bounds: Vec<Aabb> =
-            (0..groups.len()).map(|i| Aabb { lo: place(i), hi: place(i).map(|x| x + 1.0) }).collect();
+        let bounds: Vec<Aabb> = (0..groups.len())
+            .map(|i| Aabb { lo: place(i), hi: place(i).map(|x| x + 1.0) })
+            .collect();
         let meshes = Meshes(groups.to_vec());
         let tree = SceneGraph::DEFAULT.build_clipped(&bounds, &meshes, &Context::default());
         let tree = tree.unwrap();

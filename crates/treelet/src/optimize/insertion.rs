@@ -286,7 +286,8 @@ fn make(pairs: &mut Pairs, one: &Move) -> f64 {
     // The larger one has less choice.
     let [a, b] = apart.children;
     let swap = b.bounds.half_area() > a.bounds.half_area();
-    let (a, b) = if swap { ((b, targets[1]), (a, targets[0])) } else { ((a, targets[0]), (b, targets[1])) };
+    let (a, b) =
+        if swap { ((b, targets[1]), (a, targets[0])) } else { ((a, targets[0]), (b, targets[1])) };
     let Some(cost) = pairs.insert(a.0, first, a.1) else {
         pairs.put_back(&apart);
         return 0.0;
@@ -377,7 +378,8 @@ mod tests {
             assert!((cost + root - before).abs() < 1e-9 * before, "{cost} {before}");
             let mut made = 0;
             for node in order {
-                let mut search = Search { pairs: &pairs, without: Vec::new(), open: BinaryHeap::new() };
+                let mut search =
+                    Search { pairs: &pairs, without: Vec::new(), open: BinaryHeap::new() };
                 let Some(best) = search.best_move(node) else { continue };
                 let saved = make(&mut pairs, &best);
                 let then = inner_area(&pairs);
@@ -396,7 +398,8 @@ mod tests {
         for seed in 0..4 {
             let pairs = taken_apart(plain(&boxes(100, seed)));
             for node in ROOT + 1..=pairs.nodes() as Id {
-                let mut search = Search { pairs: &pairs, without: Vec::new(), open: BinaryHeap::new() };
+                let mut search =
+                    Search { pairs: &pairs, without: Vec::new(), open: BinaryHeap::new() };
                 let Some(best) = search.best_move(node) else { continue };
                 // Without it, try all places; the pairs that are free hold none.
                 let mut without = taken_apart(plain(&boxes(100, seed)));
@@ -432,7 +435,9 @@ mod tests {
         let cost = |tree: Tree| inner_area(&taken_apart(tree));
         let improved = |passes| pass(passes).optimize(tree.clone(), &Context::default()).unwrap();
         let costs = [0, 1, 5].map(|passes| cost(improved(passes)));
-        assert!(costs[0] == cost(tree.clone()) && costs[1] < 0.9 * costs[0] && costs[2] <= costs[1]);
+        assert!(
+            costs[0] == cost(tree.clone()) && costs[1] < 0.9 * costs[0] && costs[2] <= costs[1]
+        );
         let bad = Insertion { share: f32::NAN, ..Insertion::DEFAULT };
         let error = bad.optimize(tree.clone(), &Context::default()).unwrap_err().to_string();
         assert!(error.starts_with("share is NaN"), "{error}");

@@ -123,7 +123,13 @@ mod tests {
             let name = builder.info().name;
             assert_eq!(Plan::new(&name.parse::<Recipe>().unwrap().options()).to_string(), name);
         }
-        for (name, wrong) in [("", ""), ("x", "x"), ("treelets", "treelets"), ("+lbvh", ""), ("presplit+", "presplit+")] {
+        for (name, wrong) in [
+            ("", ""),
+            ("x", "x"),
+            ("treelets", "treelets"),
+            ("+lbvh", ""),
+            ("presplit+", "presplit+"),
+        ] {
             assert_eq!(name.parse::<Recipe>().unwrap_err(), RecipeError::Base(wrong.into()));
         }
         for (name, wrong) in [("lbvh+", ""), ("lbvh+lbvh", "lbvh"), ("best+x+treelets", "x")] {

@@ -85,7 +85,8 @@ pub(super) fn fits(rows: &[Row]) -> Vec<Fit> {
             let fitted = weights(&group, measures);
             let predicted: Vec<f64> = group.iter().map(|row| predict(&fitted, row)).collect();
             let measured: Vec<f64> = group.iter().map(|row| row.nanoseconds).collect();
-            let points: Vec<Point> = group.iter().map(|row| left_out(&group, row, measures)).collect();
+            let points: Vec<Point> =
+                group.iter().map(|row| left_out(&group, row, measures)).collect();
             let errors = points.iter().map(|point| (point.predicted / point.measured - 1.0).abs());
             fits.push(Fit {
                 scene: group[0].scene.clone(),
@@ -105,7 +106,8 @@ pub(super) fn fits(rows: &[Row]) -> Vec<Fit> {
 fn groups(rows: &[Row]) -> Vec<Vec<&Row>> {
     let mut groups: Vec<Vec<&Row>> = Vec::new();
     for row in rows {
-        let same = |group: &&mut Vec<&Row>| group[0].scene == row.scene && group[0].kind == row.kind;
+        let same =
+            |group: &&mut Vec<&Row>| group[0].scene == row.scene && group[0].kind == row.kind;
         match groups.iter_mut().find(same) {
             Some(group) => group.push(row),
             None => groups.push(vec![row]),
@@ -132,8 +134,12 @@ fn predict(weights: &[f64; TERMS], row: &Row) -> f64 {
 fn weights(rows: &[&Row], measures: &[usize]) -> [f64; TERMS] {
     let mut best = (f64::INFINITY, [0.0; TERMS]);
     for chosen in 1_usize..1 << measures.len() {
-        let columns: Vec<usize> =
-            measures.iter().enumerate().filter(|(bit, _)| chosen >> bit & 1 == 1).map(|(_, &m)| m).collect();
+        let columns: Vec<usize> = measures
+            .iter()
+            .enumerate()
+            .filter(|(bit, _)| chosen >> bit & 1 == 1)
+            .map(|(_, &m)| m)
+            .collect();
         let Some(solved) = least_squares(rows, &columns) else { continue };
         if solved.iter().any(|&weight| weight < 0.0) {
             continue;
@@ -205,12 +211,18 @@ pub(super) fn shared(rows: &[Row]) -> Vec<Shared> {
     let of_kind = |kind: &str| {
         let groups: Vec<_> = groups.iter().filter(|group| group[0].kind == kind).collect();
         let error = |weight: f64| {
-            groups.iter().map(|group| scaled_error(group, weight)).sum::<f64>() / groups.len() as f64
+            groups.iter().map(|group| scaled_error(group, weight)).sum::<f64>()
+                / groups.len() as f64
         };
         let weights = (0..=100).map(|percent| f64::from(percent) / 100.0);
         let tried = weights.map(|weight| (weight, error(weight)));
         let best = tried.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
-        Shared { kind: kind.to_owned(), epo_weight: best.0, error: best.1, error_of_sah: error(0.0) }
+        Shared {
+            kind: kind.to_owned(),
+            epo_weight: best.0,
+            error: best.1,
+            error_of_sah: error(0.0),
+        }
     };
     kinds.into_iter().map(of_kind).collect()
 }
@@ -280,7 +292,8 @@ mod tests {
     /// Times that are made of SAH and EPO are predicted by both, not by one.
     #[test]
     fn weights_are_found_again() {
-        let made = |sah: f64, epo: f64, lcv: f64| row([sah, epo, lcv], 20.0 + 3.0 * sah + 7.0 * epo);
+        let made =
+            |sah: f64, epo: f64, lcv: f64| row([sah, epo, lcv], 20.0 + 3.0 * sah + 7.0 * epo);
         let rows = [
             made(10.0, 3.0, 1.0),
             made(12.0, 1.0, 2.0),

@@ -3,8 +3,8 @@
 use treelet::bounds::Aabb;
 use treelet::build::Clip;
 use treelet::geometry::clip::clipped_bounds;
-use treelet::tree::Tree;
 use treelet::scene::Recipe;
+use treelet::tree::Tree;
 use treelet::{Context, Mesh, Quality};
 use treelet_bench::engine::Triangles;
 use treelet_bench::scenes;

@@ -157,8 +157,8 @@ fn seconds(text: &str) -> Result<f64, String> {
 /// The scenes of an earlier report.
 fn earlier(file: &Path) -> Result<Vec<SceneReport>, Failure> {
     let name = file.display();
-    let text = std::fs::read_to_string(file)
-        .map_err(|error| Failure::told(format!("{name}: {error}")))?;
+    let text =
+        std::fs::read_to_string(file).map_err(|error| Failure::told(format!("{name}: {error}")))?;
     let report: Earlier = serde_json::from_str(&text).map_err(|error| {
         Failure::told(format!(
             "{name}: {error}; it must be what `treelet inspect --metrics --trace-time --json` printed"
@@ -268,8 +268,10 @@ fn tell(scene: &SceneReport) {
         scene.scene,
         text::things(scene.triangles, "triangle")
     ));
-    let mut head =
-        format!("  {:16} {:>7} {:>8} {:>16} {:>7} {:>7}", "tree", "build", "SAH", "EPO", "LCV", "leaves");
+    let mut head = format!(
+        "  {:16} {:>7} {:>8} {:>16} {:>7} {:>7}",
+        "tree", "build", "SAH", "EPO", "LCV", "leaves"
+    );
     kinds.iter().for_each(|kind| head += &format!(" {kind:>9}"));
     if !kinds.is_empty() {
         head += " ns a ray";

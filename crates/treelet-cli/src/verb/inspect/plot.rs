@@ -140,7 +140,8 @@ mod tests {
             measures: [sah, epo, 1.0],
             nanoseconds,
         };
-        let rows = [row("p", 10.0, 1.0, 100.0), row("q", 20.0, 3.0, 210.0), row("r", 15.0, 9.0, 300.0)];
+        let rows =
+            [row("p", 10.0, 1.0, 100.0), row("q", 20.0, 3.0, 210.0), row("r", 15.0, 9.0, 300.0)];
         let svg = svg(&fit::fits(&rows));
         assert_eq!(svg.matches("<title>").count(), 9);
         assert!(svg.contains("a&lt;b") && !svg.contains("a<b") && svg.ends_with("</svg>\n"));
@@ -149,6 +150,9 @@ mod tests {
 
     #[test]
     fn axes_end_at_their_ends() {
-        assert_eq!([0.7, 6.0, 99.0, f64::NAN].map(|ratio| PANEL * share(ratio)), [0.0, PANEL, PANEL, PANEL]);
+        assert_eq!(
+            [0.7, 6.0, 99.0, f64::NAN].map(|ratio| PANEL * share(ratio)),
+            [0.0, PANEL, PANEL, PANEL]
+        );
     }
 }

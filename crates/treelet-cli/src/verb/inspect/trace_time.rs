@@ -85,7 +85,11 @@ pub(super) fn measure(
         }
         for (times, seconds) in times.iter_mut().zip(seconds) {
             let nanoseconds = 1e9 * median(&seconds) / rays.len().max(1) as f64;
-            times.push(Times { kind: kind.name().to_owned(), nanoseconds, spread: spread(&seconds) });
+            times.push(Times {
+                kind: kind.name().to_owned(),
+                nanoseconds,
+                spread: spread(&seconds),
+            });
         }
     }
     Ok(times)

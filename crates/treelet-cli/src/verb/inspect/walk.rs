@@ -47,15 +47,17 @@ pub(super) fn held(tree: &Tree) -> Vec<u32> {
 /// Walks every ray to its closest hit, the nearer child first, and counts.
 pub(super) fn walk<V: Volume>(flat: &Flat, tree: &Tree, rays: &[Ray]) -> Walked {
     let volumes = volumes::<V>(flat, tree);
-    let mut reach = rays.iter().fold(tree.bounds(), |reach, ray| {
-        reach.union(&Aabb::of_points(&[ray.origin]))
-    });
+    let mut reach =
+        rays.iter().fold(tree.bounds(), |reach, ray| reach.union(&Aabb::of_points(&[ray.origin])));
     for volume in volumes.iter().flatten() {
         reach = reach.union(&volume.bounds());
     }
     let mut walked = Walked::default();
     for ray in rays {
-        let line = (V::ray(ray.origin, ray.direction, &reach), <Aabb as Volume>::ray(ray.origin, ray.direction, &reach));
+        let line = (
+            V::ray(ray.origin, ray.direction, &reach),
+            <Aabb as Volume>::ray(ray.origin, ray.direction, &reach),
+        );
         let mut closest = f64::from(ray.t_max);
         // Where a node is entered, if it is before the closest hit.
         let entry = |node: usize, closest: f64, walked: &mut Walked| {

@@ -46,7 +46,8 @@ fn usual_distance(camera: &Camera, placed: &PlacedModel) -> f32 {
     let mut seen: Vec<f32> = (0..SIDE * SIDE)
         .filter_map(|i| {
             let along = map.vector([place(i % SIDE), place(i / SIDE), -1.0]);
-            let hit = placed.scene.closest(&Ray::new(camera.position(), vec3::normalize(along)?))?;
+            let hit =
+                placed.scene.closest(&Ray::new(camera.position(), vec3::normalize(along)?))?;
             Some(hit.t)
         })
         .collect();

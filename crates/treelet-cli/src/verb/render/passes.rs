@@ -95,7 +95,8 @@ pub(super) fn make_passes(
             }
             (written, write_time) = (film.passes(), Instant::now());
         }
-        let rate = format!("pass {}, {}rays/s", film.passes(), text::rate(made.stats.rays, made.time));
+        let rate =
+            format!("pass {}, {}rays/s", film.passes(), text::rate(made.stats.rays, made.time));
         let place = match (goal.passes, goal.time) {
             (None, Some(_)) => made.time.as_millis() as u64,
             _ => film.passes().into(),

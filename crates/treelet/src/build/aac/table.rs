@@ -84,7 +84,8 @@ impl<S: Simd> One<S> {
     /// Of the pairs with those in a block.
     #[inline(always)]
     fn prices(&self, simd: S, block: &Block) -> S::F8 {
-        let (x, y, z) = (self.edge(simd, block, 0), self.edge(simd, block, 1), self.edge(simd, block, 2));
+        let (x, y, z) =
+            (self.edge(simd, block, 0), self.edge(simd, block, 1), self.edge(simd, block, 2));
         let area = x.mul(y).add(x.add(y).mul(z));
         let area = area.min(S::F8::splat(simd, AREA_MAX)).add(S::F8::splat(simd, AREA_MIN));
         area.mul(self.weight.add(S::F8::load(simd, &block.weights)))
@@ -332,12 +333,8 @@ mod tests {
                 for level in Level::ALL.iter().filter_map(|level| level.checked()) {
                     let (mut nodes, mut list) = (empty.clone(), clusters.clone());
                     let below = &mut Below::new(&mut nodes, 1);
-                    let left = level.run(Reduce {
-                        table: &mut table,
-                        clusters: &mut list,
-                        most,
-                        below,
-                    });
+                    let left =
+                        level.run(Reduce { table: &mut table, clusters: &mut list, most, below });
                     let who = alloc::format!("{count} to {most}, {steps} steps, scale {scale:e}");
                     assert!(nodes == expected, "{who}");
                     assert_eq!(roots(&list[..left]), roots(&naive), "{who}");

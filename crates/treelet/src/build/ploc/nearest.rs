@@ -58,7 +58,8 @@ impl Nearest {
     pub(super) fn new(radius: usize) -> Self {
         let tile = |distance: usize| {
             let row = 0..2 * distance + BLOCK + LANES;
-            row.map(|place| if (place / distance).is_multiple_of(2) { u32::MAX } else { 0 }).collect()
+            row.map(|place| if (place / distance).is_multiple_of(2) { u32::MAX } else { 0 })
+                .collect()
         };
         Self { radius, tiles: (1..=radius).map(tile).collect() }
     }
@@ -78,13 +79,7 @@ impl Nearest {
     }
 
     #[inline(never)]
-    fn find_block(
-        &self,
-        block: &mut Block,
-        clusters: &[Node],
-        begin: usize,
-        partners: &mut [i16],
-    ) {
+    fn find_block(&self, block: &mut Block, clusters: &[Node], begin: usize, partners: &mut [i16]) {
         let (radius, count) = (self.radius, partners.len());
         block.fill(clusters, begin, radius, count);
         block.best.fill(f32::INFINITY);

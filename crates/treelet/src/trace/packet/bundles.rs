@@ -6,7 +6,9 @@
 use super::super::record::{Class, RAYS};
 use super::group::GROUP;
 use crate::math::{Ray, ray};
+use crate::memory::{OutOfMemory, try_with_capacity};
 use crate::simd::{Floats, RayColumns, Simd};
+use alloc::vec::Vec;
 
 /// Slopes that differ by at most this are near.
 const NEAR: f32 = 0.08;
@@ -85,12 +87,25 @@ struct Bearings {
     slopes: [[f32; RAYS]; 2],
 }
 
+/// 16 rays side by side, and their bearings.
+#[derive(Clone, Copy)]
+pub(super) struct Row {
+    pub(super) rays: RayColumns,
+    bearings: Bearings,
+}
+
+impl Row {
+    const EMPTY: Self = Self {
+        rays: [[0.0; RAYS]; 8],
+        bearings: Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] },
+    };
+}
+
 /// The places of a run's rays, sorted into bundles. Kept from run to run: clearing it would take
 /// longer than some of the sorting.
 pub(super) struct Bundles {
-    /// The rays side by side, 16 after 16, and their bearings.
-    columns: [RayColumns; ROWS],
-    bearings: [Bearings; ROWS],
+    /// [`ROWS`] once a run was sorted.
+    rows: Vec<Row>,
     places: [u32; GROUP + RAYS],
     /// Where bundles begin and end.
     bundles: [(u32, u32); LEADERS],
@@ -102,24 +117,25 @@ pub(super) struct Bundles {
 }
 
 impl Bundles {
-    /// Of no rays.
-    pub(super) const EMPTY: Self = Self {
-        columns: [[[0.0; RAYS]; 8]; ROWS],
-        bearings: [Bearings { class: [0.0; RAYS], slopes: [[0.0; RAYS]; 2] }; ROWS],
-        places: [0; GROUP + RAYS],
-        bundles: [(0, 0); LEADERS],
-        len: 0,
-        bundled: 0,
-        rest: [0; ROWS],
-    };
+    /// Room for a run.
+    pub(super) fn new() -> Result<Self, OutOfMemory> {
+        Ok(Self {
+            rows: try_with_capacity(ROWS, "rays side by side")?,
+            places: [0; GROUP + RAYS],
+            bundles: [(0, 0); LEADERS],
+            len: 0,
+            bundled: 0,
+            rest: [0; ROWS],
+        })
+    }
 
     /// Sorts the rays of a run, [`GROUP`] at most.
     #[inline(always)]
     pub(super) fn sort<S: Simd>(&mut self, simd: S, rays: &[Ray]) {
         (self.len, self.bundled, self.rest) = (0, 0, [0; ROWS]);
-        for (row, rays) in rays.chunks(RAYS).take(ROWS).enumerate() {
-            let (columns, bearings) = (&mut self.columns[row], &mut self.bearings[row]);
-            self.rest[row] = look(simd, rays, columns, bearings);
+        self.rows.resize(ROWS, Row::EMPTY);
+        for ((rays, row), rest) in rays.chunks(RAYS).zip(&mut self.rows).zip(&mut self.rest) {
+            *rest = look(simd, rays, row);
         }
         let rows = rays.len().div_ceil(RAYS).min(ROWS);
         let mut tried = [0_u32; ROWS];
@@ -149,16 +165,17 @@ impl Bundles {
     ) {
         let splat = |x: f32| S::F16::splat(simd, x);
         let load = |lanes: &[f32; RAYS]| S::F16::load(simd, lanes);
-        let leader = &self.bearings[row];
+        let leader = &self.rows[row].bearings;
         let class = splat(leader.class[lane]);
         let (x, y) = (splat(leader.slopes[0][lane]), splat(leader.slopes[1][lane]));
         let (low, high) = (splat(-NEAR), splat(NEAR));
         let mut near = [0_u32; ROWS];
         let mut count = 0;
         for at in 0..rows {
-            let other = load(&self.bearings[at].class);
-            let dx = load(&self.bearings[at].slopes[0]).sub(x);
-            let dy = load(&self.bearings[at].slopes[1]).sub(y);
+            let bearings = &self.rows[at].bearings;
+            let other = load(&bearings.class);
+            let dx = load(&bearings.slopes[0]).sub(x);
+            let dy = load(&bearings.slopes[1]).sub(y);
             let same = class.le(other) & other.le(class);
             let near_x = low.le(dx) & dx.le(high);
             let near_y = low.le(dy) & dy.le(high);
@@ -191,8 +208,8 @@ impl Bundles {
 
     /// The rays side by side, if all of the run, of that length, are one bundle: places are in order.
     #[inline(always)]
-    pub(super) fn whole(&self, len: usize) -> Option<&[RayColumns; ROWS]> {
-        (self.len == 1 && self.bundled == len).then_some(&self.columns)
+    pub(super) fn whole(&self, len: usize) -> Option<&[Row]> {
+        (self.len == 1 && self.bundled == len).then_some(&self.rows)
     }
 
     /// The places of the valid rays that are in no bundle.
@@ -211,12 +228,13 @@ impl Bundles {
 
 /// Looks at up to 16 rays; says which are valid.
 #[inline(always)]
-fn look<S: Simd>(simd: S, rays: &[Ray], columns: &mut RayColumns, out: &mut Bearings) -> u32 {
+fn look<S: Simd>(simd: S, rays: &[Ray], row: &mut Row) -> u32 {
     let mut borrowed = [&rays[0]; RAYS];
     for lane in 1..RAYS {
         borrowed[lane] = &rays[lane.min(rays.len() - 1)];
     }
-    *columns = simd.rays(&borrowed);
+    row.rays = simd.rays(&borrowed);
+    let (columns, out) = (&row.rays, &mut row.bearings);
     let column = |i: usize| S::F16::load(simd, &columns[i]);
     let splat = |x: f32| S::F16::splat(simd, x);
 
@@ -235,7 +253,7 @@ fn look<S: Simd>(simd: S, rays: &[Ray], columns: &mut RayColumns, out: &mut Bear
     }
     valid &= long;
 
-    let [.., x, y, z, _] = &*columns;
+    let [.., x, y, z, _] = columns;
     for lane in 0..RAYS {
         // What `Class::of` and `longest_axis` say.
         let (x, y, z) = (x[lane], y[lane], z[lane]);

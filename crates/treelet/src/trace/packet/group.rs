@@ -141,7 +141,7 @@ impl Waiting {
 
 /// The rays of a group.
 pub(crate) struct Group {
-    /// [`PACKETS`], of which the first `count` are in use.
+    /// [`PACKETS`] once a group was walked; the first `count` are in use.
     pub(super) packets: Vec<Packet>,
     pub(super) count: usize,
     pub(super) bundles: Bundles,
@@ -162,12 +162,10 @@ impl Group {
     /// Room for a group.
     pub(crate) fn new() -> Result<Self, OutOfMemory> {
         let nothing = Waiting::new(Child::END, 0);
-        let mut packets = try_with_capacity(PACKETS, "packets of rays")?;
-        packets.resize(PACKETS, Packet::EMPTY);
         Ok(Self {
-            packets,
+            packets: try_with_capacity(PACKETS, "packets of rays")?,
             count: 0,
-            bundles: Bundles::EMPTY,
+            bundles: Bundles::new()?,
             spreads: Spread::default(),
             all: Spread::default(),
             stacks: [[nothing; WAITING]; 2],
@@ -187,11 +185,13 @@ impl Group {
         len: usize,
     ) {
         self.count = slots.len().div_ceil(RAYS);
+        // Slices whose rays never go together do not pay for what is cleared here.
+        self.packets.resize(PACKETS, Packet::EMPTY);
         let whole = self.bundles.whole(len);
         for (at, (slots, packet)) in slots.chunks(RAYS).zip(&mut self.packets).enumerate() {
             let words = &mut packet.columns;
             packet.along = match whole {
-                Some(rows) => columns(simd, structure, class, &rows[at % PACKETS], words),
+                Some(rows) => columns(simd, structure, class, &rows[at % PACKETS].rays, words),
                 None => columns(simd, structure, class, &gather(simd, rays, slots), words),
             };
             packet.len = slots.len();
