@@ -21,6 +21,14 @@
 //! - the reciprocal and the product cost `2 u rho`.
 //!
 //! That makes `11.1 u rho`, less than `20 u R`; `SLACK` takes 24.
+//!
+//! # As a node's bound
+//!
+//! Measured on hair (2,500 neighbouring strands of a fur, 60,000 triangles; diffuse rays through the
+//! binary tree, boxes near the root alike): oriented boxes make a ray test 75.7 nodes instead of
+//! 88.5, and 7.3 triangles instead of 20.3. But one test takes 30 ns, of which an axis-aligned box
+//! takes 5.6: 2.3 us a ray for what costs 0.5 us, to save 13 triangles. It does not pay, so no layout
+//! has them. (14-DOPs: 70.3 nodes, 13.0 triangles, 4.4 ns.) `treelet inspect --bounds` measures it.
 
 use super::double::{
     Double, UNIT, add, cross, diagonalize, dot, frame, length, scale, sub, taxicab, wide,
