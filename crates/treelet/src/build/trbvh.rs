@@ -3,7 +3,7 @@
 //!
 //! Source: T. Karras and T. Aila, "Fast Parallel Construction of High-Quality Bounding Volume
 //! Hierarchies", HPG 2013: leaves of one primitive by Morton codes of 63 bits ([`super::lbvh`]), three
-//! rounds over treelets of seven leaves ([`super::restructure`], which says where it differs).
+//! rounds over treelets of seven leaves (`restructure`, which says where it differs).
 //!
 //! Leaves: subtrees of up to `leaf_max` primitives cost one area in the dynamic programming (the paper's
 //! second term, at the price of the blocks of four that layouts test at once), and become leaves.
