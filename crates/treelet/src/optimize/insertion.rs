@@ -314,6 +314,7 @@ mod tests {
     use super::*;
     use crate::build::{Builder, ObjectMedian};
     use crate::verify::Random;
+    use alloc::string::ToString;
 
     fn boxes(count: usize, seed: u64) -> Vec<Aabb> {
         let mut random = Random::new(seed);
