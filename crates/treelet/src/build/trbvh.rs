@@ -9,7 +9,7 @@
 //! second term, at the price of the blocks of four that layouts test at once), and become leaves.
 //!
 //! Measured (SAH at one a visit and one a triangle; tracing of single rays, one thread, geometric mean over
-//! primary, diffuse and random rays, as a share of `split-sah`'s): a kitchen of 1.4 M triangles 1.02
+//! primary, diffuse and random rays, as a share of `sbvh`'s): a kitchen of 1.4 M triangles 1.02
 //! (`lbvh` 0.82, `sweep-sah` 0.97), a car of 0.8 M 0.94, a coffee maker of 0.2 M 0.94 to 0.97 (`lbvh` 0.93,
 //! `sweep-sah` 1.01). Paper: over 0.90, with its triangles split before. SAH: the car's falls from
 //! `lbvh`'s 78.0 to 67.8, the coffee maker's from 13.1 to 11.6. About 1.5 M triangles a second and core.
