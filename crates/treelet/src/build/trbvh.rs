@@ -14,7 +14,7 @@
 //! `sweep-sah` 1.01). Paper: over 0.90, with its triangles split before. SAH: the car's falls from
 //! `lbvh`'s 78.0 to 67.8, the coffee maker's from 13.1 to 11.6. About 1.5 M triangles a second and core.
 //!
-//! Leaves of one primitive and no price for blocks lost: 0.87 of `split-sah` where blocks have 0.96 (random
+//! Leaves of one primitive and no price for blocks lost: 0.87 of `sbvh` where blocks have 0.96 (random
 //! rays in the coffee maker). `lbvh+treelets`, whose leaves are the curve's runs of up to four, is built
 //! at 2.5 times the rate and traces at 1.01, 0.99 and 0.91 (coffee maker, kitchen, car).
 //!

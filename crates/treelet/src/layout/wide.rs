@@ -6,7 +6,8 @@
 //! | 0..192         | 0..384    | `planes`   | by axis: `lo` of every child, then `hi` of every child |
 //! | 192..224       | 384..448  | `children` | one [`Child`] word each                             |
 //!
-//! Children stand in the order of `layout/order.rs`, the likeliest to stop a ray last; unused slots hold the empty box, which no ray enters.
+//! Children stand in the order of `layout/order.rs`, the likeliest to stop a ray last; unused slots
+//! hold the empty box, which no ray enters.
 //!
 //! | child word | meaning                                                                   |
 //! |------------|---------------------------------------------------------------------------|
