@@ -3,6 +3,7 @@
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
 use super::gather::{Names, Prims, add_triangles};
+use super::improve;
 use super::place::{Placements, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
@@ -31,15 +32,16 @@ pub(super) fn assemble(
     description: SceneBuilder,
     options: &BuildOptions<'_>,
 ) -> Result<Scene, SceneError> {
-    let mut gathered = Gathered::new(description, options)?;
     if options.builder.is_none() && options.optimizers.is_none() {
         match options.quality {
-            Quality::Rays(rays) => return choice::build(gathered, options, rays),
-            Quality::Auto => return choice::build(gathered, options, 0),
+            Quality::Rays(rays) => {
+                return choice::build(Gathered::new(description, options)?, options, rays);
+            }
+            Quality::Auto => return improve::start(description, options),
             _ => {}
         }
     }
-    gathered.scene(&options.plan(), options, false)
+    Gathered::new(description, options)?.scene(&options.plan(), options, false)
 }
 
 /// Meshes and instances, checked and boxed: what any number of trees can be built over.
@@ -53,7 +55,10 @@ pub(super) struct Gathered {
 
 impl Gathered {
     /// Checks and boxes what the leaves will hold: triangles first, then instances.
-    fn new(description: SceneBuilder, options: &BuildOptions<'_>) -> Result<Self, SceneError> {
+    pub(super) fn new(
+        description: SceneBuilder,
+        options: &BuildOptions<'_>,
+    ) -> Result<Self, SceneError> {
         let clock = Stopwatch::start();
         let mut report = BuildReport::default();
         let room = description.meshes.iter().map(|(mesh, _)| mesh.triangles().len()).sum();
@@ -105,7 +110,7 @@ impl Gathered {
         let structure = finish(meshes, placements, prims, tree, plan.collapse, options, again)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
-        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
+        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
     }
 
     /// The plan's tree, and what is to be said of it.

@@ -10,7 +10,7 @@ pub(super) mod search;
 pub(super) mod table;
 mod words;
 
-pub(super) use search::build;
+pub(super) use search::{build, recipe, told};
 
 #[cfg(doc)]
 use super::Recipe;

@@ -5,6 +5,7 @@ mod builder;
 mod choice;
 mod error;
 mod gather;
+mod improve;
 mod place;
 mod quality;
 mod recipe;
@@ -50,6 +51,8 @@ use alloc::vec::Vec;
 pub struct Scene {
     structure: Arc<Structure>,
     report: Arc<BuildReport>,
+    /// What a scene of [`Quality::Auto`] remembers.
+    auto: Option<Arc<improve::Auto>>,
 }
 
 impl Scene {

@@ -149,9 +149,16 @@ impl Model {
         self.entries[at].built = Some(self.build(at));
     }
 
-    /// What to build after `best`, which stands; `tried` is the time spent on trees that were left, so far.
-    pub(in crate::scene) fn next(&self, best: usize, tried: f64) -> Option<usize> {
-        let left = (0..self.entries.len()).filter(|&at| self.entries[at].built.is_none());
+    /// The same beliefs, for another number of rays.
+    pub(in crate::scene) fn for_rays(&self, rays: u64) -> Self {
+        Self { rays: rays as f64, ..self.clone() }
+    }
+
+    /// What to build after `best`, which stands, in no more than `budget` seconds; `tried` is the time spent on
+    /// trees that were left, so far.
+    pub(in crate::scene) fn next(&self, best: usize, tried: f64, budget: f64) -> Option<usize> {
+        let left = (0..self.entries.len())
+            .filter(|&at| self.entries[at].built.is_none() && self.build(at) <= budget);
         let gain = |at: usize| {
             let cost = (self.build(at) - self.shared).max(0.0);
             let expected = self.rays(best) - self.rays(at) - cost;
@@ -171,7 +178,7 @@ impl Model {
         let mut dear = self.clone();
         dear.ray *= libm::exp(2.0 * self.ray_spread);
         dear.ray_spread = self.entries[best].contender.spread;
-        dear.next(best, 0.0).is_some()
+        dear.next(best, 0.0, f64::INFINITY).is_some()
     }
 
     /// By how much a ray is expected to be quicker than in `best`, where it is quicker at all.
@@ -197,4 +204,167 @@ impl Model {
 /// The normal distribution's share below `x`.
 fn normal(x: f64) -> f64 {
     0.5 * libm::erfc(-x * core::f64::consts::FRAC_1_SQRT_2)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::verify::Random;
+
+    /// What builds and rays really take in some scene.
+    struct World {
+        prims: usize,
+        builds: Vec<f64>,
+        rays: Vec<f64>,
+    }
+
+    impl World {
+        /// Where everything is as the table says, and a ray so many times as dear.
+        fn usual(prims: usize, dear: f64) -> Self {
+            let model = Model::new(prims, 1, 0);
+            let all = 0..model.entries.len();
+            let builds = all.clone().map(|at| model.build(at)).collect();
+            let rays = all.map(|at| dear * model.ray(at)).collect();
+            Self { prims, builds, rays }
+        }
+
+        /// Where everything is off by as much as it is from scene to scene.
+        fn random(random: &mut Random) -> Self {
+            let mut normal = || (0..12).map(|_| f64::from(random.unit())).sum::<f64>() - 6.0;
+            let prims = libm::exp(12.0 + 2.0 * normal()) as usize;
+            let dear = libm::exp(RAY_SPREAD * normal());
+            let mut world = Self::usual(prims, dear);
+            let pace = libm::exp(0.4 * normal());
+            for (at, contender) in CONTENDERS.iter().enumerate() {
+                world.builds[at] *= pace * libm::exp(0.15 * normal());
+                world.rays[at] *= pace * libm::exp(contender.spread * normal());
+            }
+            world
+        }
+
+        fn best(&self, rays: f64) -> f64 {
+            let totals = self.builds.iter().zip(&self.rays).map(|(build, ray)| build + rays * ray);
+            totals.fold(f64::INFINITY, f64::min)
+        }
+
+        /// What `for_rays` would build, and the time that takes in all.
+        fn search(&self, rays: u64) -> (usize, f64) {
+            let mut model = Model::new(self.prims, 1, rays);
+            let mut best = model.first();
+            let mut spent = self.builds[best];
+            let mut tried = 0.0;
+            if model.may_go_on(best) {
+                model.built(best, self.builds[best], 0.0);
+                model.traced(best, self.rays[best]);
+                while let Some(at) = model.next(best, tried, f64::INFINITY) {
+                    spent += self.builds[at];
+                    model.built(at, self.builds[at], 0.0);
+                    model.traced(at, self.rays[at]);
+                    let better = self.rays[at] < self.rays[best];
+                    tried += self.builds[if better { best } else { at }];
+                    best = if better { at } else { best };
+                }
+            }
+            (best, spent + rays as f64 * self.rays[best])
+        }
+
+        /// The most that `Auto` takes, relative to the best in hindsight, wherever rays end.
+        fn ski_rental(&self) -> f64 {
+            let mut model = Model::new(self.prims, 1, 0);
+            let mut at = model.only();
+            model.built(at, self.builds[at], 0.0);
+            let (mut rays, mut time, mut tried, mut worst) = (0.0, self.builds[at], 0.0, 1.0_f64);
+            // Slices that grow by an eighth, to some thousand times what the dearest build takes.
+            let mut slice = 1e-3 * self.builds[at] / self.rays[at];
+            while rays * self.rays[at] < 3e3 * self.builds.iter().fold(0.0, |a, &b| a.max(b)) {
+                (rays, time) = (rays + slice, time + slice * self.rays[at]);
+                slice = rays / 8.0;
+                worst = worst.max(time / self.best(rays));
+                model = model.for_rays(rays as u64);
+                model.traced(at, self.rays[at]);
+                if let Some(next) = model.next(at, tried, f64::INFINITY) {
+                    time += self.builds[next];
+                    model.built(next, self.builds[next], 0.0);
+                    model.traced(next, self.rays[next]);
+                    let better = self.rays[next] < self.rays[at];
+                    tried += self.builds[if better { at } else { next }];
+                    at = if better { next } else { at };
+                    worst = worst.max(time / self.best(rays));
+                }
+            }
+            worst
+        }
+    }
+
+    /// Numbers of rays, half a decade apart.
+    fn counts() -> impl Iterator<Item = u64> {
+        (8..=22).map(|e| libm::pow(10.0, f64::from(e) / 2.0) as u64)
+    }
+
+    #[test]
+    fn regret_is_small_in_random_scenes() {
+        let mut random = Random::new(5);
+        let mut regrets = Vec::new();
+        for _ in 0..200 {
+            let world = World::random(&mut random);
+            regrets
+                .extend(counts().map(|rays| world.search(rays).1 / world.best(rays as f64) - 1.0));
+        }
+        regrets.sort_by(f64::total_cmp);
+        let quantile = |share: f64| regrets[(share * (regrets.len() - 1) as f64) as usize];
+        let all = [quantile(0.5), quantile(0.95), quantile(1.0)];
+        assert!(all[0] < 0.03 && all[1] < 0.15 && all[2] < 0.35, "{all:?}");
+    }
+
+    #[test]
+    fn more_rays_never_get_slower_ones() {
+        for prims in [100, 100_000, 10_000_000] {
+            for dear in [0.2, 1.0, 5.0] {
+                let world = World::usual(prims, dear);
+                let rays: Vec<_> = counts().map(|n| world.rays[world.search(n).0]).collect();
+                assert!(rays.is_sorted_by(|a, b| a >= b), "{prims} {dear}: {rays:?}");
+                assert!(rays[0] > rays[14], "{prims} {dear}");
+            }
+        }
+    }
+
+    #[test]
+    fn few_rays_get_the_quickest_build() {
+        for rays in [0, 1, 1000] {
+            let model = Model::new(1_000_000, 1, rays);
+            let quickest = model.least(|at| model.build(at));
+            assert_eq!((model.first(), model.only()), (quickest, quickest));
+            assert!(!model.may_go_on(quickest), "{rays} rays");
+        }
+        assert!(Model::new(1_000_000, 1, u64::MAX).may_go_on(0));
+    }
+
+    #[test]
+    fn hindsight_is_never_far_ahead_of_auto() {
+        let mut random = Random::new(7);
+        let worst = (0..200).map(|_| World::random(&mut random).ski_rental());
+        let worst = worst.fold(0.0, f64::max);
+        assert!(worst < 2.2 && worst > 1.1, "{worst}");
+    }
+
+    /// Against sums over the lognormal distribution.
+    #[test]
+    fn improvement_is_what_it_says() {
+        let mut model = Model::new(1_000_000, 1, 1_000_000);
+        (0..3).for_each(|at| model.traced(at, 1e-7 * CONTENDERS[at].slowness));
+        for at in 3..model.entries.len() {
+            let (now, mean) = (model.ray(0), model.ray(at));
+            let own = model.entries[at].contender.spread;
+            let spread = libm::sqrt(own * own + model.ray_spread * model.ray_spread);
+            let mut sum = 0.0;
+            for step in -4000..4000 {
+                let z = f64::from(step) / 500.0;
+                let density = libm::exp(-0.5 * z * z) / libm::sqrt(core::f64::consts::TAU) / 500.0;
+                let ray = mean * libm::exp(spread * z - 0.5 * spread * spread);
+                sum += density * (now - ray).max(0.0);
+            }
+            let improvement = model.improvement(0, at);
+            assert!((improvement - sum).abs() < 1e-4 * now, "{improvement} {sum}");
+        }
+    }
 }

@@ -16,7 +16,10 @@ use core::time::Duration;
 const PILOT_SHARE: f64 = 0.01;
 
 /// And, in seconds, no more than this: what they tell does not get better any more.
-const PILOT_MAX: f64 = 2.0;
+const PILOT_MAX: f64 = 1.0;
+
+/// A tree replaces another one if its rays take less than this share: below, it is chance.
+const BETTER: f64 = 0.99;
 
 /// Builds what is chosen for `rays` rays.
 pub(in crate::scene) fn build(
@@ -54,7 +57,7 @@ impl Search<'_> {
         // Another tree, as long as one promises more than it costs.
         while again
             && self.model.is_measured(best)
-            && let Some(at) = self.model.next(best, self.tried)
+            && let Some(at) = self.model.next(best, self.tried, f64::INFINITY)
         {
             let other = match self.grow(at, true) {
                 Ok(other) => other,
@@ -69,7 +72,7 @@ impl Search<'_> {
                 self.model.traced(best, ray);
                 self.model.traced(at, other);
             }
-            let better = self.model.ray(at) < self.model.ray(best);
+            let better = self.model.ray(at) < BETTER * self.model.ray(best);
             self.tried += self.model.build(if better { best } else { at }) - self.shared;
             if better {
                 (scene, best) = (other, at);
@@ -101,32 +104,37 @@ impl Search<'_> {
 
     /// The scene with its report.
     fn told(self, mut scene: Scene, best: usize, rays: u64) -> Scene {
-        let model = &self.model;
-        let candidates = CONTENDERS.iter().enumerate().map(|(at, contender)| Candidate {
-            variant: contender.name.to_owned(),
-            build: seconds(model.build(at)),
-            ray_ns: model.ray(at) * 1e9,
-            measured: model.is_measured(at),
-        });
-        let candidates = candidates.collect();
-        let reason = words::reason(model, best, rays);
         let elapsed = self.gathered.elapsed();
         let report = Arc::make_mut(&mut scene.report);
         report.total_time = elapsed;
         report.choice = Some(Choice {
-            rays,
-            variant: CONTENDERS[best].name.to_owned(),
-            predicted: seconds(elapsed.as_secs_f64() + model.rays(best)),
-            choosing: elapsed.saturating_sub(seconds(model.build(best))),
-            reason,
-            candidates,
+            predicted: seconds(elapsed.as_secs_f64() + self.model.rays(best)),
+            choosing: elapsed.saturating_sub(seconds(self.model.build(best))),
+            ..told(&self.model, best, rays)
         });
         scene
     }
 }
 
+/// The choice of `best`, the times that only the caller knows left out.
+pub(in crate::scene) fn told(model: &Model, best: usize, rays: u64) -> Choice {
+    let candidates = CONTENDERS.iter().enumerate().map(|(at, contender)| Candidate {
+        variant: contender.name.to_owned(),
+        build: seconds(model.build(at)),
+        ray_ns: model.ray(at) * 1e9,
+        measured: model.is_measured(at),
+    });
+    Choice {
+        rays,
+        variant: CONTENDERS[best].name.to_owned(),
+        reason: words::reason(model, best, rays),
+        candidates: candidates.collect(),
+        ..Choice::default()
+    }
+}
+
 /// How a contender is built. Every name of the table is one; a test parses them all.
-pub(super) fn recipe(at: usize) -> Recipe {
+pub(in crate::scene) fn recipe(at: usize) -> Recipe {
     CONTENDERS[at].name.parse().unwrap_or(Quality::Fastest.into())
 }
 
