@@ -12,7 +12,7 @@
 //! bytes a triangle all the time.
 
 use super::assemble::Gathered;
-use super::choice::model::Model;
+use super::choice::model::{Model, TRIAL_SHARE};
 use super::choice::pilot::Probe;
 use super::choice::{self, Choice, Pilot};
 use super::{BuildOptions, Invalid, LayoutChoice, Scene, SceneBuilder, SceneError};
@@ -28,9 +28,6 @@ use core::time::Duration;
 
 /// Pilot rays of each question that are kept.
 const PILOT_KEPT: usize = 16_384;
-
-/// Tracing pilot rays may take this share of the time that rays have taken.
-const PILOT_SHARE: f64 = 0.01;
 
 /// What a scene remembers that may be improved.
 pub(super) struct Auto {
@@ -177,7 +174,7 @@ impl Auto {
             return Ok(None);
         };
         let mut probe = Probe::new(Pilot { closest: &self.closest, any: &self.any });
-        let (ray, pilot) = (model.ray(self.at), PILOT_SHARE * model.rays(self.at));
+        let (ray, pilot) = (model.ray(self.at), TRIAL_SHARE * model.rays(self.at));
         if let Some([ray, new]) = probe.compare([scene, &other], pilot, ray, &self.cancel)? {
             // Slices are not asked as pilot rays are; what both trees have in common is the scale.
             let scale = model.ray(self.at) / ray;

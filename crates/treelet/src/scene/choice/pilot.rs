@@ -27,6 +27,9 @@ const OWN_MAX: usize = 8192;
 /// Making a ray costs as much as tracing so many.
 const OWN_COST: f64 = 4.0;
 
+/// Turns that each tree takes where time is short: there are as many rays as that leaves time for.
+const ROUNDS: f64 = 5.0;
+
 /// Turns that each tree takes at most, and at least where that is quick.
 const ROUNDS_MAX: usize = 25;
 
@@ -73,7 +76,7 @@ impl<'a> Probe<'a> {
 
         // Choose stretches and turns.
         let all = closest.len() + any.len();
-        let count = all.min((affordable / 3.0) as usize).max(all.min(RAYS_MIN));
+        let count = all.min((affordable / ROUNDS) as usize).max(all.min(RAYS_MIN));
         let share = count as f64 / all.max(1) as f64;
         let work: Vec<_> = stretches(closest, share)
             .map(|rays| (rays, false))

@@ -1,6 +1,6 @@
 //! Building what the model says, and telling it what was found.
 
-use super::model::Model;
+use super::model::{Model, TRIAL_SHARE};
 use super::pilot::Probe;
 use super::table::CONTENDERS;
 use super::{Candidate, Choice, words};
@@ -12,7 +12,7 @@ use alloc::borrow::ToOwned;
 use alloc::sync::Arc;
 use core::time::Duration;
 
-/// Pilot rays may take this share of the time expected in all.
+/// Pilot rays through the first tree may take this share of the time expected in all.
 const PILOT_SHARE: f64 = 0.01;
 
 /// And, in seconds, no more than this: what they tell does not get better any more.
@@ -97,7 +97,8 @@ impl Search<'_> {
         best: usize,
     ) -> Result<Option<[f64; N]>, SceneError> {
         let spent = self.gathered.elapsed().as_secs_f64();
-        let budget = (PILOT_SHARE * (spent + self.model.rays(best))).min(PILOT_MAX);
+        let share = if N == 1 { PILOT_SHARE } else { TRIAL_SHARE };
+        let budget = (share * (spent + self.model.rays(best))).min(PILOT_MAX);
         let ray = self.model.ray(best);
         Ok(self.probe.compare(scenes, budget, ray, &self.options.context.cancel)?)
     }
