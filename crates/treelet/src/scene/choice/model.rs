@@ -16,6 +16,10 @@
 use super::table::{CONTENDERS, Contender, RAY_NS, RAY_SPREAD};
 use alloc::vec::Vec;
 
+/// A tree must be expected to save so many times what it costs: what is hardly worth it on paper is not, once
+/// caches are cold and pilots unlucky (without, one scene in a hundred lost a quarter).
+const WORTH: f64 = 1.2;
+
 /// Speculation, building what is not expected to be better but may be, may take this share of the rays' time.
 /// With 0.04, twelve trees that were within 5 % of each other cost 6 to 10 % of ten seconds of tracing.
 const SPECULATION_MAX: f64 = 0.02;
@@ -171,7 +175,7 @@ impl Model {
             if speculative && tried + cost > SPECULATION_MAX * self.rays(best) {
                 return f64::NEG_INFINITY;
             }
-            self.rays * self.improvement(best, at) - cost
+            self.rays * self.improvement(best, at) - WORTH * cost
         };
         let most = left.map(|at| (at, gain(at))).max_by(|a, b| a.1.total_cmp(&b.1))?;
         (most.1 > 0.0).then_some(most.0)
@@ -241,7 +245,7 @@ mod tests {
             let mut world = Self::usual(prims, dear);
             let pace = libm::exp(0.4 * normal());
             for (at, contender) in CONTENDERS.iter().enumerate() {
-                world.builds[at] *= pace * libm::exp(0.15 * normal());
+                world.builds[at] *= pace * libm::exp(0.05 * normal());
                 world.rays[at] *= pace * libm::exp(contender.spread * normal());
             }
             world
@@ -273,15 +277,15 @@ mod tests {
             (best, spent + rays as f64 * self.rays[best])
         }
 
-        /// The most that `Auto` takes, relative to the best in hindsight, wherever rays end.
-        fn ski_rental(&self) -> f64 {
+        /// What `Auto` takes, relative to the best in hindsight: the most wherever rays end, and when they do not.
+        fn ski_rental(&self) -> [f64; 2] {
             let mut model = Model::new(self.prims, 1, 0);
             let mut at = model.only();
             model.built(at, self.builds[at], 0.0);
             let (mut rays, mut time, mut tried, mut worst) = (0.0, self.builds[at], 0.0, 1.0_f64);
             // Slices that grow by an eighth, to some thousand times what the dearest build takes.
             let mut slice = 1e-3 * self.builds[at] / self.rays[at];
-            while rays * self.rays[at] < 3e3 * self.builds.iter().fold(0.0, |a, &b| a.max(b)) {
+            while rays * self.rays[at] < 3e3 * self.builds.iter().fold(0.0_f64, |a, &b| a.max(b)) {
                 (rays, time) = (rays + slice, time + slice * self.rays[at]);
                 slice = rays / 8.0;
                 worst = worst.max(time / self.best(rays));
@@ -297,13 +301,13 @@ mod tests {
                     worst = worst.max(time / self.best(rays));
                 }
             }
-            worst
+            [worst, time / self.best(rays)]
         }
     }
 
     /// Numbers of rays, half a decade apart.
     fn counts() -> impl Iterator<Item = u64> {
-        (8..=22).map(|e| libm::pow(10.0, f64::from(e) / 2.0) as u64)
+        (4..=22).map(|e| libm::pow(10.0, f64::from(e) / 2.0) as u64)
     }
 
     #[test]
@@ -318,7 +322,7 @@ mod tests {
         regrets.sort_by(f64::total_cmp);
         let quantile = |share: f64| regrets[(share * (regrets.len() - 1) as f64) as usize];
         let all = [quantile(0.5), quantile(0.95), quantile(1.0)];
-        assert!(all[0] < 0.03 && all[1] < 0.15 && all[2] < 0.35, "{all:?}");
+        assert!(all[0] < 0.02 && all[1] < 0.12 && all[2] < 0.5, "{all:?}");
     }
 
     #[test]
@@ -328,7 +332,7 @@ mod tests {
                 let world = World::usual(prims, dear);
                 let rays: Vec<_> = counts().map(|n| world.rays[world.search(n).0]).collect();
                 assert!(rays.is_sorted_by(|a, b| a >= b), "{prims} {dear}: {rays:?}");
-                assert!(rays[0] > rays[14], "{prims} {dear}");
+                assert!(rays[0] > rays[18], "{prims} {dear}");
             }
         }
     }
@@ -347,9 +351,10 @@ mod tests {
     #[test]
     fn hindsight_is_never_far_ahead_of_auto() {
         let mut random = Random::new(7);
-        let worst = (0..200).map(|_| World::random(&mut random).ski_rental());
-        let worst = worst.fold(0.0, f64::max);
-        assert!(worst < 2.2 && worst > 1.1, "{worst}");
+        for _ in 0..200 {
+            let [worst, last] = World::random(&mut random).ski_rental();
+            assert!(worst < 1.8 && last < 1.15 && worst >= last, "{worst} {last}");
+        }
     }
 
     /// Against sums over the lognormal distribution.
