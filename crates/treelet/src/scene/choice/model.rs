@@ -17,7 +17,7 @@ use super::table::{CONTENDERS, Contender, RAY_NS, RAY_SPREAD};
 use alloc::vec::Vec;
 
 /// A tree must be expected to save so many times what it costs: what is hardly worth it on paper is not, once
-/// caches are cold and pilots unlucky (without, one scene in a hundred lost a quarter).
+/// caches are cold and pilots unlucky (without, one choice of 72 lost a quarter).
 const WORTH: f64 = 1.2;
 
 /// Speculation, building what is not expected to be better but may be, may take this share of the rays' time.
