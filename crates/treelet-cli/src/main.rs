@@ -5,6 +5,7 @@
 
 mod arguments;
 mod camera;
+mod choice;
 mod demo;
 mod duplicates;
 mod ending;

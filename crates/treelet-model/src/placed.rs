@@ -3,7 +3,7 @@
 use crate::{Model, Part, Placement};
 use treelet::context::Context;
 use treelet::math::Affine;
-use treelet::{BuildOptions, BuildReport, Hit, Scene, SceneError};
+use treelet::{BuildOptions, BuildReport, Hit, Pilot, Quality, Scene, SceneError};
 
 /// The scenes of a model, and the way from a hit back to what the model says about it.
 ///
@@ -83,7 +83,7 @@ impl PlacedModel {
         for placement in &model.placements {
             let object = placement.object;
             if objects[object].is_none() {
-                let scene = build_object(model, object, options)?;
+                let scene = build_object(model, object, &object_options(model, object, options))?;
                 objects[object] = Some(scene);
             }
         }
@@ -136,6 +136,28 @@ fn check_indices(model: &Model) -> Result<(), PlaceError> {
         }
     }
     Ok(())
+}
+
+/// What one object is built with. Rays are shared out by triangles, as they are placed; pilot rays are
+/// the world's, and an object only sees them where it is the world.
+fn object_options<'a>(
+    model: &Model,
+    object: usize,
+    options: &BuildOptions<'a>,
+) -> BuildOptions<'a> {
+    let mut options = options.clone();
+    if matches!(model.placements.as_slice(), [only] if only.world_from_object == Affine::IDENTITY) {
+        return options;
+    }
+    options.pilot = Pilot::default();
+    if let Quality::Rays(rays) = options.quality {
+        let placed = model.placements.iter().filter(|each| each.object == object).count();
+        let parts = &model.objects[object].parts;
+        let triangles: usize = parts.iter().map(|part| part.mesh.triangles().len()).sum();
+        let share = placed as f64 * triangles as f64 / model.triangles_placed().max(1) as f64;
+        options.quality = Quality::for_rays((rays as f64 * share) as u64);
+    }
+    options
 }
 
 fn build_object(

@@ -17,16 +17,18 @@ use serde::Serialize;
 use treelet::bounds::Aabb;
 use treelet::scene::{LayoutChoice, Recipe};
 use treelet::tree::SahConstants;
-use treelet::{BuildOptions, Invalid};
+use treelet::{BuildOptions, Invalid, Quality};
 use treelet_model::PlacedModel;
 
 use crate::arguments::{RecipeParser, recipes};
+use crate::choice::ChoiceReport;
 use crate::duplicates;
 use crate::ending::{Ending, Failure};
 use crate::input::{Input, SceneFlags};
 use crate::progress::Line;
 use crate::session::{Outcome, Session, say};
 use crate::text;
+use crate::tree_flags::number_of_rays;
 use metrics::MetricsFlags;
 
 /// Show what a scene holds, and the tree that each builder makes of it
@@ -40,6 +42,10 @@ pub(crate) struct Flags {
     /// with --metrics the quality levels, too].
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = RecipeParser)]
     builders: Vec<Recipe>,
+
+    /// Also choose a builder for this many rays, and say why.
+    #[arg(long, value_name = "N", conflicts_with_all = ["metrics", "bounds"], value_parser = number_of_rays)]
+    rays: Option<u64>,
 
     #[command(flatten)]
     scene_flags: SceneFlags,
@@ -78,6 +84,8 @@ struct Report {
     seconds_to_read: f64,
     sah_constants: Constants,
     builders: Vec<TreeReport>,
+    /// What --rays chose.
+    choice: Option<ChoiceReport>,
     layouts: Vec<LayoutReport>,
     warnings: Vec<String>,
 }
@@ -132,11 +140,12 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     if flags.bounds {
         return bounds::run(&input, session);
     }
-    overview(input, flags.builders, session)
+    overview(input, flags.builders, flags.rays, session)
 }
 
 /// Counts, builds with every builder and in every layout.
-fn overview(input: Input, builders: Vec<Recipe>, session: &Session) -> Result<Outcome, Failure> {
+fn overview(
+    input: Input, builders: Vec<Recipe>, rays: Option<u64>, session: &Session) -> Result<Outcome, Failure> {
     let duplicate = {
         let _line = Line::spinner("looking for duplicates");
         duplicates::count(&input.model, &session.cancel)?
@@ -153,6 +162,10 @@ fn overview(input: Input, builders: Vec<Recipe>, session: &Session) -> Result<Ou
         facts = Facts::of(&placed);
     }
 
+    let choice = match rays {
+        Some(rays) => choose(&input, rays, session)?,
+        None => None,
+    };
     let mut layouts = Vec::new();
     for &layout in LayoutChoice::ALL {
         let options =
@@ -187,12 +200,20 @@ fn overview(input: Input, builders: Vec<Recipe>, session: &Session) -> Result<Ou
         seconds_to_read: input.time.as_secs_f64(),
         sah_constants: Constants { visit: constants.visit, triangle: constants.prim },
         builders: reports,
+        choice,
         layouts,
         warnings: model.warnings.clone(),
         scene: input.name,
     };
     tell(&report);
     Outcome::new("inspect", &report, Ending::Done)
+}
+
+/// What the library would build for that many rays.
+fn choose(input: &Input, rays: u64, session: &Session) -> Result<Option<ChoiceReport>, Failure> {
+    let (quality, invalid) = (Quality::for_rays(rays), Invalid::Skip);
+    let placed = input.build(&BuildOptions { quality, invalid, ..Default::default() }, session)?;
+    Ok(ChoiceReport::of(&placed))
 }
 
 /// What every builder finds alike.
@@ -322,6 +343,7 @@ fn tell(report: &Report) {
             tree.bytes_per_triangle,
         ));
     }
+    report.choice.iter().for_each(ChoiceReport::tell);
     say("\n  layout              time  B/tri");
     for layout in &report.layouts {
         say(&format!(

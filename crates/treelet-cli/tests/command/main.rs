@@ -1,6 +1,7 @@
 //! The `treelet` command as its users meet it: the real binary, in a folder of its own.
 
 mod bench;
+mod choice;
 mod errors;
 mod interrupt;
 mod kit;

@@ -2,8 +2,10 @@
 
 mod assemble;
 mod builder;
+mod choice;
 mod error;
 mod gather;
+mod improve;
 mod place;
 mod quality;
 mod recipe;
@@ -11,6 +13,7 @@ mod report;
 mod slices;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
+pub use choice::{Candidate, Choice, Pilot};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
 pub use recipe::{Recipe, RecipeError};
@@ -48,6 +51,8 @@ use alloc::vec::Vec;
 pub struct Scene {
     structure: Arc<Structure>,
     report: Arc<BuildReport>,
+    /// What a scene of [`Quality::Auto`] remembers.
+    auto: Option<Arc<improve::Auto>>,
 }
 
 impl Scene {

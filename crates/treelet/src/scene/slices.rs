@@ -1,6 +1,7 @@
 //! The same questions for many rays at once, on all threads of the caller's rayon pool.
 
 use super::{Scene, WrongLength};
+use crate::context::clock::Stopwatch;
 use crate::context::parallel;
 use crate::geometry::Hit;
 use crate::math::Ray;
@@ -51,6 +52,10 @@ impl Scene {
 
     /// [`Scene::all`] for each ray.
     pub fn all_many(&self, rays: &[Ray]) -> HitLists {
+        self.metered(rays.len(), || self.lists(rays))
+    }
+
+    fn lists(&self, rays: &[Ray]) -> HitLists {
         let chunks = parallel::map_chunks(rays, CHUNK, |_, rays| {
             let mut lists = HitLists::default();
             for ray in rays {
@@ -78,8 +83,19 @@ impl Scene {
         if rays.len() != answers.len() {
             return Err(WrongLength { rays: rays.len(), answers: answers.len() });
         }
-        parallel::zip_chunks_mut(rays, answers, piece, answer);
+        self.metered(rays.len(), || parallel::zip_chunks_mut(rays, answers, piece, answer));
         Ok(())
+    }
+
+    /// Takes the time of a slice where somebody wants to know it.
+    fn metered<R>(&self, rays: usize, ask: impl FnOnce() -> R) -> R {
+        if self.auto.is_none() {
+            return ask();
+        }
+        let clock = Stopwatch::start();
+        let answer = ask();
+        self.note_traced(rays as u64, clock.elapsed());
+        answer
     }
 }
 

@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use treelet_render::Settings;
 
 use super::light::LightChoice;
+use super::passes::TIME;
 use crate::camera::CameraChoice;
 use crate::input::{InvalidFlag, SceneFlags};
 use crate::show::Protocol;
@@ -16,6 +17,15 @@ use crate::tree_flags::TreeFlags;
 
 /// The longest --time, half a minute short of 32 years; a `Duration` holds it.
 const LONGEST: f64 = 1e9;
+
+/// Rays that a path asks each time that light is scattered: where it goes on, and whether a light is seen.
+const RAYS_A_SCATTERING: f64 = 2.0;
+
+/// How often light is scattered in the scenes of the gallery, on average, where more often is allowed.
+const SCATTERINGS: f64 = 3.0;
+
+/// Rays that a thread asks in a second, shading included, about.
+const RAYS_A_SECOND: f64 = 1e6;
 
 /// Render a picture of a scene, or of the built-in one
 #[derive(Debug, Args)]
@@ -119,6 +129,16 @@ pub(crate) struct Flags {
 }
 
 impl Flags {
+    /// About how many rays the picture will ask.
+    pub(super) fn rays(&self, threads: usize) -> u64 {
+        let frames = f64::from(self.turntable.unwrap_or(1));
+        let pixels = f64::from(self.size.width) * f64::from(self.size.height);
+        let path = RAYS_A_SCATTERING * f64::from(self.bounces.saturating_add(1)).min(SCATTERINGS);
+        let passes = self.spp.map(|spp| frames * pixels * path * f64::from(spp));
+        let time = self.time.unwrap_or(TIME).as_secs_f64();
+        passes.unwrap_or(frames * time * threads as f64 * RAYS_A_SECOND) as u64
+    }
+
     /// The renderer's settings, for a scene with that axis up.
     pub(super) fn settings(&self, up: usize) -> Settings {
         Settings {

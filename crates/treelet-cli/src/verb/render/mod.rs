@@ -22,6 +22,7 @@ use crate::ending::{Ending, Failure};
 use crate::input::{self, Input};
 use crate::output::Output;
 use crate::session::{Outcome, Session, say, warn};
+use crate::choice::ChoiceReport;
 use crate::text;
 use files::Picture;
 use light::LightChoice;
@@ -48,14 +49,22 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let mut input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
     add_environment(&flags, &mut input)?;
     let optimizers = flags.tree.optimizers();
-    let options = flags.tree.options(optimizers.as_deref());
+    let estimate = flags.rays(session.threads);
+    let options = flags.tree.options(optimizers.as_deref(), estimate);
     let options = BuildOptions { invalid: flags.invalid.into(), ..options };
     let plan = options.plan();
     let building = Instant::now();
     let placed = input.build(&options, session)?;
     let build_time = building.elapsed();
     input::warn_of_skipped(&placed);
-    say(&format!("{plan} tree built in {}", text::time(build_time)));
+    let choice = ChoiceReport::of(&placed);
+    let largest = placed.reports().max_by_key(|report| report.triangles);
+    let (builder, made_by) = match largest {
+        Some(report) => (report.builder, report.plan.clone()),
+        None => (plan.builder.info().name, plan.to_string()),
+    };
+    say(&format!("{made_by} tree built in {}", text::time(build_time)));
+    choice.iter().for_each(ChoiceReport::tell);
 
     // Make passes until the goal or Ctrl-C.
     let camera = cameras::choose(&flags, &input, &placed)?;
@@ -106,8 +115,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         samples: film.samples(),
         threads: session.threads,
         quality: plan.quality.name(),
-        builder: plan.builder.info().name,
-        plan: plan.to_string(),
+        builder,
+        plan: made_by,
+        choice,
         triangles_stored: input.model.triangles_stored(),
         triangles_placed: input.model.triangles_placed(),
         placements: input.model.placements.len() as u64,

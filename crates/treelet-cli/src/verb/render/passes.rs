@@ -12,7 +12,7 @@ use crate::text;
 
 /// Seconds of passes where neither --spp nor --time is given: with reading, building and writing,
 /// the whole job stays under a minute on two cores.
-const TIME: Duration = Duration::from_secs(35);
+pub(super) const TIME: Duration = Duration::from_secs(35);
 
 /// The picture so far is written this often.
 const WRITE_EVERY: Duration = Duration::from_secs(3);

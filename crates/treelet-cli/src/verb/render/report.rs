@@ -4,6 +4,7 @@ use serde::Serialize;
 use treelet_render::compare::Errors;
 
 use super::passes::{Goal, Made};
+use crate::choice::ChoiceReport;
 use crate::session::say;
 use crate::text;
 
@@ -32,6 +33,8 @@ pub(super) struct Report {
     pub(super) quality: &'static str,
     pub(super) builder: &'static str,
     pub(super) plan: String,
+    /// What --rays or `--quality auto` chose; none where the tree was named.
+    pub(super) choice: Option<ChoiceReport>,
     pub(super) triangles_stored: u64,
     pub(super) triangles_placed: u64,
     pub(super) placements: u64,
