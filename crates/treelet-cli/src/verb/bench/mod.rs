@@ -93,7 +93,8 @@ fn machine(flags: &Flags, plan: &Plan) -> Machine {
         clock: match plan.clock {
             Clock::Wall => "wall",
             Clock::Processor => "processor",
-        },
+        }
+        .to_owned(),
         rounds: plan.rounds.count,
         seconds: plan.rounds.seconds,
     }
