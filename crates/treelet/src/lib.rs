@@ -46,8 +46,8 @@ pub use context::{Cancel, Cancelled, Context};
 pub use geometry::{Hit, Mesh};
 pub use math::{Affine, Ray};
 pub use scene::{
-    BuildOptions, BuildReport, HitLists, Invalid, Quality, Scene, SceneBuilder, SceneError,
-    WrongLength,
+    BuildOptions, BuildReport, Candidate, Choice, HitLists, Invalid, Pilot, Quality, Scene,
+    SceneBuilder, SceneError, WrongLength,
 };
 pub use trace::Counters;
 

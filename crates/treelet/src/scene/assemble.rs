@@ -1,11 +1,12 @@
 //! From meshes and instances to a level that can be walked: gather, build, lower.
 
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
+use super::choice;
 use super::gather::{Names, Prims, add_triangles};
 use super::place::{Placements, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
-use super::{Scene, SceneError};
+use super::{Plan, Quality, Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
@@ -19,6 +20,7 @@ use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::time::Duration;
 
 /// The most boxes that stand for a level when it is transformed.
 const COVER_MAX: usize = 32;
@@ -28,56 +30,134 @@ pub(super) fn assemble(
     description: SceneBuilder,
     options: &BuildOptions<'_>,
 ) -> Result<Scene, SceneError> {
-    let total = Stopwatch::start();
-    let plan = options.plan();
-    let mut report = BuildReport { plan: plan.to_string(), ..Default::default() };
-    report.builder = plan.builder.info().name;
-
-    // Check and box what the leaves will hold: triangles first, then instances.
-    let room = description.meshes.iter().map(|(mesh, _)| mesh.triangles().len()).sum();
-    let mut prims = Prims::with_room(room, description.instances.len())?;
-    for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
-        add_triangles(geom, mesh, options, &mut prims, &mut report)?;
+    let gathered = Gathered::new(description, options)?;
+    if options.builder.is_none() && options.optimizers.is_none() {
+        match options.quality {
+            Quality::Rays(rays) => return choice::build(gathered, options, rays),
+            Quality::Auto => return choice::build(gathered, options, 0),
+            _ => {}
+        }
     }
-    let triangles = prims.triangles;
-    let meshes = prims.meshes;
-    let placements = place_instances(description.instances, meshes, options, &mut report)?;
-    let placed =
-        placements.instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds.is_empty());
-    for (instance, index) in placed {
-        prims.add_instance(index, instance.bounds);
-    }
-
-    // Build the tree and pack it.
-    let tree_time = Stopwatch::start();
-    let bounds = prims.bounds();
-    let cut = Cuttable { meshes: &description.meshes, names: &prims.names, triangles, bounds };
-    let tree = plan.build(bounds, &cut, &options.context)?;
-    report.tree_time = tree_time.elapsed();
-    report.tree = tree.measure(&options.context.cancel)?;
-    report.triangles = triangles as u64;
-    report.instances = prims.instances.len() as u64;
-    let structure = finish(description.meshes, placements, prims, tree, plan.collapse, options)?;
-    report.trace_bytes = level_bytes(&structure);
-    report.total_time = total.elapsed();
-    Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
+    gathered.into_scene(&options.plan(), options)
 }
 
-/// Lowers the tree and derives what walks need to know about the level.
+/// Meshes and instances, checked and boxed: what any number of trees can be built over.
+pub(super) struct Gathered {
+    meshes: Vec<(Mesh, u32)>,
+    placements: Placements,
+    prims: Prims,
+    report: BuildReport,
+    clock: Stopwatch,
+}
+
+impl Gathered {
+    /// Checks and boxes what the leaves will hold: triangles first, then instances.
+    fn new(description: SceneBuilder, options: &BuildOptions<'_>) -> Result<Self, SceneError> {
+        let clock = Stopwatch::start();
+        let mut report = BuildReport::default();
+        let room = description.meshes.iter().map(|(mesh, _)| mesh.triangles().len()).sum();
+        let mut prims = Prims::with_room(room, description.instances.len())?;
+        for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
+            add_triangles(geom, mesh, options, &mut prims, &mut report)?;
+        }
+        let meshes = prims.meshes;
+        let placements = place_instances(description.instances, meshes, options, &mut report)?;
+        let placed = placements
+            .instances
+            .iter()
+            .zip(0..)
+            .filter(|(instance, _)| !instance.bounds.is_empty());
+        for (instance, index) in placed {
+            prims.add_instance(index, instance.bounds);
+        }
+        report.triangles = prims.triangles as u64;
+        report.instances = prims.instances.len() as u64;
+        Ok(Self { meshes: description.meshes, placements, prims, report, clock })
+    }
+
+    /// What leaves will hold: triangles and instances.
+    pub(super) fn prims(&self) -> usize {
+        self.prims.bounds().len()
+    }
+
+    /// The time since gathering began.
+    #[expect(dead_code, reason = "the search for the best builder, next, needs it")]
+    pub(super) fn elapsed(&self) -> Duration {
+        self.clock.elapsed()
+    }
+
+    /// The scene with the plan's tree.
+    pub(super) fn into_scene(
+        self,
+        plan: &Plan<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Scene, SceneError> {
+        let (tree, mut report) = self.tree(plan, options)?;
+        let Self { meshes, placements, mut prims, clock, .. } = self;
+        let structure =
+            finish(meshes, placements, &mut prims, tree, plan.collapse, options, false)?;
+        report.trace_bytes = level_bytes(&structure);
+        report.total_time = clock.elapsed();
+        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
+    }
+
+    /// The same, able to go on with another plan.
+    #[expect(dead_code, reason = "the search for the best builder, next, needs it")]
+    pub(super) fn scene(
+        &mut self,
+        plan: &Plan<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Scene, SceneError> {
+        let (tree, mut report) = self.tree(plan, options)?;
+        let (meshes, placements) = (self.meshes.clone(), self.placements.clone());
+        let structure =
+            finish(meshes, placements, &mut self.prims, tree, plan.collapse, options, true)?;
+        report.trace_bytes = level_bytes(&structure);
+        report.total_time = self.clock.elapsed();
+        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
+    }
+
+    /// The plan's tree, and what is to be said of it.
+    fn tree(
+        &self,
+        plan: &Plan<'_>,
+        options: &BuildOptions<'_>,
+    ) -> Result<(Tree, BuildReport), SceneError> {
+        let clock = Stopwatch::start();
+        let Self { meshes, prims: Prims { names, triangles, .. }, .. } = self;
+        let bounds = self.prims.bounds();
+        let cut = Cuttable { meshes, names, triangles: *triangles, bounds };
+        let tree = plan.build(bounds, &cut, &options.context)?;
+        let report = BuildReport {
+            builder: plan.builder.info().name,
+            plan: plan.to_string(),
+            tree_time: clock.elapsed(),
+            tree: tree.measure(&options.context.cancel)?,
+            ..self.report.clone()
+        };
+        Ok((tree, report))
+    }
+}
+
+/// Lowers the tree and derives what walks need to know about the level. The boxes of `prims` are let go unless
+/// another tree is to be built over them `again`.
 fn finish(
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
-    mut prims: Prims,
+    prims: &mut Prims,
     tree: Tree,
     collapse: Collapse,
     options: &BuildOptions<'_>,
+    again: bool,
 ) -> Result<Structure, SceneError> {
     let Placements { instances, reach, slack, paths } = placements;
     // The boxes are not needed any more once leaves are small enough.
     let repeats = tree.prims.len() > prims.bounds().len()
         || instances.iter().any(|instance| instance.structure.repeats);
     let tree = &split_leaves(tree, prims.bounds(), prims.triangles);
-    prims.forget_bounds();
+    if !again {
+        prims.forget_bounds();
+    }
     // Where there is no instance, nobody looks for one.
     let first_instance = if prims.instances.is_empty() { u32::MAX } else { prims.triangles as u32 };
     let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;

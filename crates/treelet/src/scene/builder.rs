@@ -1,7 +1,7 @@
 //! Describing a scene and building it.
 
 use super::assemble;
-use super::{Plan, Quality, Scene, SceneError};
+use super::{Pilot, Plan, Quality, Scene, SceneError};
 use crate::build::{Builder, Info};
 use crate::context::Context;
 use crate::geometry::Mesh;
@@ -61,7 +61,8 @@ impl LayoutChoice {
 /// How a scene is built.
 #[derive(Clone)]
 pub struct BuildOptions<'a> {
-    /// How much time to spend on a tree that is traced faster. Answers do not change.
+    /// How much time to spend on a tree that is traced faster. Answers do not change. [`Quality::Rays`] and
+    /// [`Quality::Auto`] choose only where neither builder nor optimisers are given.
     pub quality: Quality,
     /// Makes the tree instead of the quality's own builder: one of [`crate::build::ALL`], or one
     /// with other options. No optimiser runs after it but those asked for here.
@@ -77,6 +78,8 @@ pub struct BuildOptions<'a> {
     /// The packed form of the tree; by default what is best for `level`. A scene and those placed
     /// into it must agree.
     pub layout: Option<LayoutChoice>,
+    /// Some of the rays to come: for [`Quality::Rays`] and [`Quality::Auto`], which otherwise make their own.
+    pub pilot: Pilot<'a>,
     /// Cancels and watches the build.
     pub context: Context<'a>,
 }
@@ -97,6 +100,7 @@ impl Default for BuildOptions<'_> {
             invalid: Invalid::default(),
             level: Level::best(),
             layout: None,
+            pilot: Pilot::default(),
             context: Context::default(),
         }
     }

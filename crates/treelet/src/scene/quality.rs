@@ -1,5 +1,7 @@
 //! Quality levels: named compositions of a builder and optimisers, as data.
 
+#[cfg(doc)]
+use super::Scene;
 use super::builder::BuildOptions;
 use super::gather::Names;
 use crate::bounds::Aabb;
@@ -26,10 +28,38 @@ pub enum Quality {
     High,
     /// For rays without end.
     Best,
+    /// For this many rays: see [`Quality::for_rays`].
+    Rays(u64),
+    /// For nobody knows how many rays: the quickest build, which [`Scene::improve`] replaces by
+    /// better ones as rays are traced.
+    Auto,
 }
 
 impl Quality {
-    /// Every level, from the fastest build to the fastest trace.
+    /// Whatever answers `n` rays soonest, its build included: chosen for this scene, on this machine.
+    ///
+    /// A few rays get the quickest build at once. For more, trees are built that promise to be worth it, and
+    /// some rays traced through each ([`BuildOptions::pilot`]), for as long as that is cheap beside what it may
+    /// save; [`BuildReport::choice`](super::BuildReport::choice) says what was chosen and why. Rays are
+    /// taken to be asked one a call, on all threads of the caller's rayon pool. Answers do not depend on what is
+    /// chosen; the tree may differ from run to run, since clocks decide. Without a clock, a table does.
+    ///
+    /// Of a scene that is placed into others, `n` is how many rays will enter it.
+    ///
+    /// ```
+    /// use treelet::{BuildOptions, Mesh, Quality, Scene};
+    ///
+    /// let mesh = Mesh::new([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+    /// let options = BuildOptions { quality: Quality::for_rays(1_000_000), ..Default::default() };
+    /// let scene = Scene::builder().mesh(mesh).build(&options)?;
+    /// println!("{}", scene.report().choice.as_ref().unwrap().reason);
+    /// # Ok::<(), treelet::SceneError>(())
+    /// ```
+    pub fn for_rays(n: u64) -> Self {
+        Self::Rays(n)
+    }
+
+    /// Every named level, from the fastest build to the fastest trace.
     pub const ALL: [Self; 5] = [Self::Fastest, Self::Fast, Self::Default, Self::High, Self::Best];
 
     /// As users write it.
@@ -40,6 +70,8 @@ impl Quality {
             Self::Default => "default",
             Self::High => "high",
             Self::Best => "best",
+            Self::Rays(_) => "rays",
+            Self::Auto => "auto",
         }
     }
 
@@ -51,15 +83,18 @@ impl Quality {
             Self::Default => "for usual numbers of rays",
             Self::High => "for tens of rays a triangle and more",
             Self::Best => "for rays without end",
+            Self::Rays(_) => "for a number of rays, whatever is soonest done",
+            Self::Auto => "for an unknown number of rays, better as they are traced",
         }
     }
 
-    /// The level of that name.
+    /// The named level of that name.
     pub fn by_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|quality| quality.name() == name)
     }
 
-    /// What the level is made of.
+    /// What the level is made of; of [`Quality::Rays`] and [`Quality::Auto`], what they have when there is
+    /// nothing to choose by.
     ///
     /// The two quick levels collapse greedily: with the cheapest collapse, `fast` took 1.4 times as long.
     /// The default rearranges the top of its tree, which is where `binned-sah` loses most.
@@ -74,7 +109,7 @@ impl Quality {
             |builder| Plan { quality: self, builder, optimizers: &[], collapse: Collapse::Optimal };
         let quick = |builder| Plan { collapse: Collapse::Greedy, ..plain(builder) };
         match self {
-            Self::Fastest => quick(&Lbvh::DEFAULT),
+            Self::Fastest | Self::Rays(_) | Self::Auto => quick(&Lbvh::DEFAULT),
             Self::Fast => quick(&Hploc::DEFAULT),
             Self::Default => {
                 Plan { optimizers: &[&TopReinsertion::DEFAULT], ..plain(&BinnedSah::DEFAULT) }

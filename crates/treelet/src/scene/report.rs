@@ -1,5 +1,6 @@
 //! What building a scene found and made.
 
+use super::choice::Choice;
 use super::error::InstanceDefect;
 use crate::geometry::Defect;
 use crate::tree::TreeStats;
@@ -13,6 +14,8 @@ pub struct BuildReport {
     pub builder: &'static str,
     /// All that made the tree, in order, as in `sbvh + reinsertion`.
     pub plan: String,
+    /// What [`Quality::Rays`](super::Quality::Rays) or [`Quality::Auto`](super::Quality::Auto) chose, and why.
+    pub choice: Option<Choice>,
     /// Triangles in the tree.
     pub triangles: u64,
     /// Of these, triangles without area: kept, and never hit where they are seen as a line.

@@ -55,7 +55,7 @@ impl Layout {
 }
 
 /// Another level, placed into this one.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Instance {
     /// What is placed.
     pub(crate) structure: Arc<Structure>,
