@@ -287,3 +287,88 @@ fn mean(what: &str, asked: Option<f64>, cells: &[Cell]) -> FigureMark {
 pub(super) fn curves(points: &[&Point], takes_part: impl Fn(&Point) -> bool) -> Vec<Curve> {
     points.iter().filter(|point| takes_part(point)).map(|point| point.curve()).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::data::{Choice, Figure, Point};
+    use super::{marks, windows};
+
+    fn point(scene: &str, engine: &str, variant: &str, build_s: f64, mrays_per_s: f64) -> Point {
+        Point {
+            scene: scene.into(),
+            engine: engine.into(),
+            variant: variant.into(),
+            kind: "diffuse".into(),
+            threads: 1,
+            build_s,
+            mrays_per_s,
+            sah: None,
+            epo: None,
+            lcv: None,
+            triangles: Some(if scene == "small" { 79_999 } else { 80_000 }),
+            mismatch_ppm: None,
+        }
+    }
+
+    fn choice(rays: u64, predicted_s: f64, measured_s: f64, best_s: f64) -> Choice {
+        Choice {
+            scene: "a".into(),
+            kind: "diffuse".into(),
+            rays,
+            variant: "x".into(),
+            predicted_s: Some(predicted_s),
+            measured_s,
+            best_variant: "y".into(),
+            best_s,
+            threads: 1,
+            reason: String::new(),
+        }
+    }
+
+    /// Two scenes that count and one that does not.
+    fn figure() -> Figure {
+        let mut points = Vec::new();
+        for (scene, factor) in [("a", 1.0), ("b", 4.0), ("small", 1000.0)] {
+            points.push(point(scene, "treelet", "lbvh", 0.1, 1.0));
+            points.push(point(scene, "treelet", "sbvh", 9.1, 2.0));
+            points.push(point(scene, "treelet", "trbvh", 1.1, 1.5));
+            points.push(point(scene, "treelet", "best", 20.0, 2.2 * factor));
+            points.push(point(scene, "embree", "HIGH", 10.0, 2.0));
+        }
+        let choices =
+            vec![choice(1, 1.0, 1.0, 1.0), choice(2, 1.5, 1.0, 0.8), choice(3, 2.2, 2.0, 2.0)];
+        Figure { points, choices, ..Figure::default() }
+    }
+
+    #[test]
+    fn means_are_over_large_scenes_and_worst_places_are_named() {
+        let marks = marks(&figure());
+        let mark = |what: &str| marks.iter().find(|mark| mark.what.starts_with(what)).unwrap();
+        let lbvh = mark("tracing, lbvh / sbvh");
+        assert_eq!((lbvh.value, lbvh.met, lbvh.cells), (Some(0.5), None, 2));
+        // The mean of 1.1 and 4.4.
+        let best = mark("tracing, best / Embree HIGH");
+        assert!((best.value.unwrap() - 2.2).abs() < 1e-12 && best.met == Some(true), "{best:?}");
+        assert!(best.note.starts_with("worst 1.10: a"), "{best:?}");
+        let splits = mark("tracing, presplit+trbvh / sbvh");
+        assert_eq!((splits.value, splits.met, splits.cells), (None, None, 0));
+        let envelope = mark("envelope against Embree's best, worst");
+        assert_eq!(envelope.cells, 2);
+        assert!(envelope.met == Some(true) && envelope.note.starts_with("a, diffuse"));
+        assert_eq!(mark("for_rays, regret, median").value, Some(0.0));
+        let worst = mark("for_rays, regret, worst");
+        assert!((worst.value.unwrap() - 0.25).abs() < 1e-12 && worst.note.contains("x for y"));
+        let error = mark("for_rays, error");
+        assert!((error.value.unwrap() - 0.1).abs() < 1e-12 && error.met == Some(true));
+    }
+
+    #[test]
+    fn the_papers_window_is_among_the_papers_builders() {
+        // `best` would end it; it is none of the paper's.
+        let windows = windows(&figure());
+        assert_eq!(windows.len(), 3, "each scene, without splitting");
+        let near = |a: Option<f64>, b: f64| (a.unwrap() / b - 1.0).abs() < 1e-9;
+        // 0.1 + n / 1e6 = 1.1 + n / 1.5e6; 1.1 + n / 1.5e6 = 9.1 + n / 2e6.
+        assert!(near(windows[0].from, 3e6) && near(windows[0].to, 4.8e7), "{:?}", windows[0]);
+    }
+}

@@ -331,3 +331,54 @@ fn y(share: f64, most: f64) -> f64 {
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::data::{Figure, Point};
+    use super::{mean_svg, panel_svg};
+
+    fn figure(variants: &[(&str, &str, f64, f64)]) -> Figure {
+        let point = |&(engine, variant, build_s, mrays_per_s): &(&str, &str, f64, f64)| Point {
+            scene: "a<b".into(),
+            engine: engine.into(),
+            variant: variant.into(),
+            kind: "diffuse".into(),
+            threads: 1,
+            build_s,
+            mrays_per_s,
+            sah: None,
+            epo: None,
+            lcv: None,
+            triangles: None,
+            mismatch_ppm: None,
+        };
+        Figure { points: variants.iter().map(point).collect(), ..Figure::default() }
+    }
+
+    #[test]
+    fn winners_have_colours_and_names() {
+        let figure = figure(&[
+            ("treelet", "lbvh", 0.1, 1.0),
+            ("treelet", "sweep-sah", 2.0, 2.0),
+            ("treelet", "never", 3.0, 1.0),
+            ("embree", "HIGH", 1.0, 1.9),
+        ]);
+        let svg = panel_svg(&figure, &figure.panels()[0]).unwrap();
+        assert_eq!(svg.matches("<polyline").count(), 4);
+        assert_eq!(svg.matches("class=\"other\"").count(), 1);
+        assert_eq!(svg.matches("stroke-dasharray").count(), 1);
+        // Names at the ends: of two winners and of the rival; and a title for every line.
+        for (word, times) in [("lbvh<", 2), ("sweep-sah<", 2), ("never<", 1), ("embree HIGH<", 2)] {
+            assert_eq!(svg.matches(&format!(">{word}")).count(), times, "{word}");
+        }
+        assert!(svg.contains("a&lt;b") && !svg.contains("a<b"));
+        assert!(!svg.contains("NaN") && !svg.contains("inf"));
+        assert_eq!(mean_svg(&figure).unwrap().matches("<polyline").count(), 4);
+    }
+
+    #[test]
+    fn without_the_yardstick_nothing_is_drawn() {
+        assert_eq!(mean_svg(&figure(&[("treelet", "lbvh", 0.1, 1.0)])), None);
+        assert_eq!(mean_svg(&Figure::default()), None);
+    }
+}
