@@ -11,6 +11,7 @@
 pub mod check;
 pub mod crew;
 pub mod engine;
+pub mod figure;
 pub mod marks;
 pub mod peak;
 pub mod rays;

@@ -3,6 +3,7 @@
 mod bench;
 mod choice;
 mod errors;
+mod figure;
 mod interrupt;
 mod kit;
 mod measures;
