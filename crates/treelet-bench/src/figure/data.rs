@@ -22,6 +22,9 @@ pub struct Figure {
     /// What it did where nobody told it the number of rays; their variant is `auto`.
     #[serde(default)]
     pub auto: Vec<Choice>,
+    /// Where `trbvh` wins among the builders that the paper compared.
+    #[serde(default)]
+    pub windows: Vec<Window>,
     /// Variants and engines that have no points, and why.
     #[serde(default)]
     pub left_out: Vec<Missing>,
@@ -67,6 +70,9 @@ pub struct Point {
     /// Triangles of the scene.
     #[serde(default)]
     pub triangles: Option<u64>,
+    /// Hit against miss or another `t` than treelet's, in a million rays.
+    #[serde(default)]
+    pub mismatch_ppm: Option<f64>,
 }
 
 /// A choice of the library's for so many rays, against the best of all points in hindsight.
@@ -112,6 +118,24 @@ pub struct FigureMark {
     /// Where it is worst, or what is lacking.
     #[serde(default)]
     pub note: String,
+}
+
+/// Numbers of rays for which a variant is the best of the builders that the paper compared, or it with
+/// its splitting in place of its plain form.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Window {
+    /// The scene's name.
+    pub scene: String,
+    /// The kind of rays.
+    pub kind: String,
+    /// The number of threads.
+    pub threads: usize,
+    /// `trbvh`, or `presplit+trbvh`.
+    pub variant: String,
+    /// From so many rays; null where it wins nowhere.
+    pub from: Option<f64>,
+    /// To so many.
+    pub to: Option<f64>,
 }
 
 /// Points and choices that belong into one diagram.

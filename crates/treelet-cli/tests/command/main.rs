@@ -2,6 +2,7 @@
 
 mod bench;
 mod errors;
+mod figure;
 mod interrupt;
 mod kit;
 mod measures;

@@ -1,5 +1,6 @@
 //! `treelet bench`: treelet and its rivals on the same triangles and the same rays.
 
+mod figure;
 mod flags;
 mod pages;
 mod peaks;
@@ -10,6 +11,7 @@ pub(crate) use flags::Flags;
 
 use treelet_bench::crew::Clock;
 use treelet_bench::report::{EngineLine, Machine, Missing, Report};
+use treelet_bench::rounds::Rounds;
 use treelet_bench::run::{self, BenchError, Plan};
 use treelet_bench::{marks, table};
 
@@ -18,6 +20,9 @@ use crate::session::{Outcome, Session, say, warn};
 use flags::{HugePages, engines, plan};
 use steps::Steps;
 use subject::subject;
+
+/// Rays of each kind, unless somebody asks for more or fewer.
+const RAYS: usize = 1 << 20;
 
 /// Measures scene after scene.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
@@ -29,7 +34,10 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     } else {
         pages::forbid();
     }
-    let plan = plan(&flags, session);
+    if flags.figure.figure {
+        return figure::run(&flags, session);
+    }
+    let plan = plan(&flags, session, RAYS, Rounds::default());
     let (mut engines, missing) = engines(&flags);
     for Missing { name, reason } in &missing {
         warn(&format!("{name} is left out: {reason}"));
