@@ -17,18 +17,20 @@ use crate::figure::envelope::RAYS;
 /// The drawing, in its own units; labels stand in the right margin.
 const WIDTH: f64 = 1040.0;
 const LEFT: f64 = 48.0;
-const RIGHT: f64 = 842.0;
+const RIGHT: f64 = 812.0;
 const TOP: f64 = 30.0;
 const BOTTOM: f64 = 366.0;
 /// Where names of curves begin, and the least distance from one to the next.
 const NAMES: f64 = RIGHT + 26.0;
 const NAME_GAP: f64 = 15.5;
 /// Where the first strip begins, how high strips are, and how far apart.
-const STRIPS: f64 = BOTTOM + 34.0;
+const STRIPS: f64 = BOTTOM + 46.0;
 const STRIP_HEIGHT: f64 = 20.0;
 const STRIP_GAP: f64 = 26.0;
 /// How wide a letter of a strip's label is, at most.
 const LETTER: f64 = 6.7;
+/// Most letters of a name at a curve's end.
+const LETTERS: usize = 29;
 /// Room above the highest curve.
 const HEADROOM: f64 = 1.06;
 
@@ -134,7 +136,9 @@ impl Chart {
                     line.decade x1=(x) x2=(x) y1=(BOTTOM) y2=(BOTTOM + 5.0) {}
                     text.tick x=(x) y=(BOTTOM + 20.0) text-anchor="middle" {
                         "10" (numbers::superscript(power))
-                        @match power { 6 => " million", 9 => " billion", 12 => " rays", _ => "" }
+                    }
+                    text.tick x=(x) y=(BOTTOM + 34.0) text-anchor="middle" {
+                        @match power { 6 => "1 million", 9 => "1 billion", 12 => "rays", _ => "" }
                     }
                 }
             }
@@ -181,11 +185,19 @@ impl Chart {
                     "M{RIGHT} {end:.1}L{:.1} {place:.1}L{:.1} {place:.1}", RIGHT + 14.0, NAMES - 4.0
                 )) {}
                 text class={ "name " (line.look.class()) } x=(NAMES) y=(format!("{:.1}", place + 4.0)) {
-                    (line.name)
+                    (cut(&line.name))
                 }
             }
         }
     }
+}
+
+/// A name that fits beside the drawing; hovering tells all of it.
+fn cut(name: &str) -> String {
+    if name.chars().count() <= LETTERS {
+        return name.to_owned();
+    }
+    name.chars().take(LETTERS - 1).chain(['\u{2026}']).collect()
 }
 
 /// Places near `ends`, which rise, at least [`NAME_GAP`] apart and inside the drawing where they fit.
@@ -250,7 +262,7 @@ mod tests {
     fn the_axis_ends_at_its_ends() {
         assert_eq!(
             [1e3, 1e4, 1e8, 1e12, f64::INFINITY].map(across),
-            [48.0, 48.0, 445.0, 842.0, 842.0]
+            [48.0, 48.0, 430.0, 812.0, 812.0]
         );
     }
 }

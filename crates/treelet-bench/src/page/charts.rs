@@ -115,7 +115,7 @@ impl Source<'_> {
             .collect()
     }
 
-    /// Who wins among ours, and among all where there are others.
+    /// Who wins among all; and among ours, where others win anywhere.
     fn strips(&self, points: &[&Point]) -> Vec<Strip> {
         let home = of_ours(points);
         let strip = |name: String, points: &[&Point]| {
@@ -126,19 +126,12 @@ impl Source<'_> {
             });
             Strip { name, spans: spans.collect() }
         };
-        let others = home.len() != points.len();
         let mut strips = Vec::new();
-        if !home.is_empty() {
-            let name = if others {
-                format!("best of {}", self.names.engine(ours::NAME))
-            } else {
-                "fastest".into()
-            };
-            strips.push(strip(name, &home));
+        let ours_wins = |interval: &Interval| points[interval.curve].engine == ours::NAME;
+        if !home.is_empty() && !intervals(points).iter().all(ours_wins) {
+            strips.push(strip(format!("best of {}", self.names.engine(ours::NAME)), &home));
         }
-        if others {
-            strips.push(strip("best of all".into(), points));
-        }
+        strips.push(strip("fastest of all".into(), points));
         strips
     }
 
@@ -209,10 +202,10 @@ impl Source<'_> {
                 .collect(),
         };
         let mut strips = Vec::new();
-        if home.contains(&false) {
+        if among_ours != among_all {
             strips.push(strip(&format!("best of {}", self.names.engine(ours::NAME)), &among_ours));
         }
-        strips.push(strip(if strips.is_empty() { "fastest" } else { "best of all" }, &among_all));
+        strips.push(strip("fastest of all", &among_all));
         let parts = among_all.iter().map(|&(index, _, to)| {
             format!("{} up to {} rays", lines[index].1.name, numbers::rays(to))
         });

@@ -95,6 +95,7 @@ pub fn join(figure: &mut Figure, entrant: Figure, name: &str) {
         figure.machine = entrant.machine;
         figure.marks = entrant.marks;
         figure.auto = entrant.auto;
+        figure.windows = entrant.windows;
         figure.left_out = entrant.left_out;
     }
     for engine in entrant.engines {
@@ -192,6 +193,7 @@ fn point(entry: &Entry<'_>) -> Result<Point, EntrantError> {
         epo: entry.perhaps("epo")?,
         lcv: entry.perhaps("lcv")?,
         triangles: entry.get("triangles").as_u64(),
+        mismatch_ppm: entry.perhaps("mismatch_ppm")?,
     })
 }
 

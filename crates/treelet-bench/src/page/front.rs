@@ -72,15 +72,10 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
     for engine in rivals(page) {
         if let Some((lead, panel)) = worst_lead(page, &panels, &engine) {
             let engine = source.names.engine(&engine);
-            let words = if lead.factor >= 1.0 {
-                "is ahead of the best of its rival at every number of rays; least for"
-            } else {
-                "falls behind the best of its rival somewhere; most for"
-            };
             findings.push((
                 format!("{}\u{d7}", numbers::short(lead.factor)),
                 format!(
-                    "{home} {words} {} rays on {} (rival: {engine})",
+                    "the speed of {engine}, each with its best tree, where {home} leads least: {} rays, {}",
                     numbers::rays(lead.rays),
                     panel.title()
                 ),
@@ -187,8 +182,8 @@ pub(super) fn method(page: &Page, source: &Source<'_>) -> Markup {
             div.prose {
                 p {
                     "Every entrant gets the same triangles and the same rays. A build is timed from the "
-                    "caller's arrays until the first ray can be asked; several builds are made and the "
-                    "median counts. Rays are asked one a call, in rounds in which the entrants take turns, "
+                    "caller\u{2019}s arrays until the first ray can be asked; quick builds are made several "
+                    "times, and the median counts. Rays are asked one a call, in rounds in which the entrants take turns, "
                     "so that whatever else the machine does hits all of them; the median of the rounds "
                     "counts. Answers are compared before anything is timed."
                 }

@@ -121,6 +121,7 @@ mod tests {
             epo: None,
             lcv: None,
             triangles: None,
+            mismatch_ppm: None,
         };
         Figure { points: points.iter().map(point).collect(), ..Figure::default() }
     }

@@ -1,16 +1,16 @@
 //! Who is drawn how: a colour means the same variant on the whole page.
 //!
-//! Those of ours that win the longest stretches of the axis get the seven colours, from the quickest
+//! Those of ours that win the longest stretches of the axis get the eight colours, from the quickest
 //! to build to the slowest; other engines are dashed, a pattern each; everybody else is thin and grey.
-//! The colours (`style.css`) are P. Tol's "vibrant" scheme, SRON technical note 09-002, which people with
-//! any colour vision can tell apart; a label stands at every coloured line all the same.
+//! The colours (`style.css`) begin with P. Tol's "vibrant" scheme, SRON technical note 09-002, which people
+//! with any colour vision can tell apart; a label stands at every coloured line all the same.
 
 use crate::figure::data::{Figure, Point};
 use crate::figure::envelope::{RAYS, winners};
 use crate::rivals::treelet as ours;
 
 /// Colours that there are.
-const COLORS: usize = 7;
+const COLORS: usize = 8;
 /// Dash patterns that there are; more engines share the last.
 const DASHES: usize = 4;
 

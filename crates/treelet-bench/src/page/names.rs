@@ -29,6 +29,7 @@ impl Names {
         // Choices and trees are the library's own.
         let choices = page.figure.choices.iter().chain(&page.figure.auto);
         let chosen = choices.flat_map(|choice| [&choice.variant, &choice.best_variant]);
+        let chosen = chosen.chain(page.figure.windows.iter().map(|window| &window.variant));
         let drawn = page.scenes.iter().flat_map(|scene| {
             let maps = scene.heat.iter().flat_map(|heat| &heat.maps).map(|map| &map.variant);
             maps.chain(scene.trees.iter().map(|tree| &tree.variant))

@@ -74,6 +74,9 @@ pub(super) fn rays(rays: f64) -> String {
     let units = [(1e12, "trillion"), (1e9, "billion"), (1e6, "million")];
     match units.into_iter().find(|(unit, _)| rays >= 0.9995 * unit) {
         Some((unit, name)) => format!("{}\u{a0}{name}", short(rays / unit)),
+        // Three digits that count, here too.
+        None if rays >= 1e5 => count(1000 * (rays / 1e3).round() as u64),
+        None if rays >= 1e4 => count(100 * (rays / 1e2).round() as u64),
         None => count(rays.round() as u64),
     }
 }
@@ -85,10 +88,10 @@ pub(super) fn superscript(exponent: u32) -> String {
     digits.bytes().map(|digit| DIGITS[usize::from(digit - b'0')]).collect()
 }
 
-/// Places for ticks from 0 to a little over `top`: a step of 1, 2 or 5 times a power of ten, about
-/// five of them.
+/// Places for ticks from 0 to a little over `top`: a step of 1, 2 or 5 times a power of ten, between
+/// three and seven of them.
 pub(super) fn ticks(top: f64) -> Vec<f64> {
-    let rough = top.max(1e-9) / 5.0;
+    let rough = top.max(1e-9) / 7.0;
     let power = 10f64.powf(rough.log10().floor());
     let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power);
     let step = steps.into_iter().find(|step| *step >= rough).unwrap_or(rough);
@@ -143,9 +146,9 @@ mod tests {
 
     #[test]
     fn ticks_are_round_and_within() {
-        assert_eq!(ticks(5.3), [0.0, 2.0, 4.0]);
+        assert_eq!(ticks(5.3), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0]);
         assert_eq!(ticks(1.0).len(), 6);
         assert_eq!([tick(0.2, 0.2), tick(4.0, 2.0), tick(0.05, 0.05)], ["0.2", "4", "0.05"]);
-        assert!(ticks(0.0).len() > 1 && ticks(1e9).len() > 3);
+        assert!(ticks(1e-3).len() > 3 && ticks(1e9).len() > 3);
     }
 }

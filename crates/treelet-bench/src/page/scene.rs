@@ -30,6 +30,7 @@ pub(super) fn section(page: &Page, source: &Source<'_>, scene: &str, number: usi
             h3 { "Trees and numbers" }
             (tables::trees(source, scene, scene_page))
             (tables::choices(source, &panels))
+            (tables::windows(source, scene))
             @if !panels.is_empty() { (tables::points(source, scene, &panels)) }
         }
     }

@@ -5,7 +5,7 @@ use maud::{Markup, html};
 use super::charts::Source;
 use super::data::{Page, ScenePage, TreeLine};
 use super::numbers;
-use crate::figure::data::{Panel, Point};
+use crate::figure::data::{Choice, Panel, Point};
 use crate::rivals::treelet as ours;
 
 /// What stands where nothing is known.
@@ -23,12 +23,14 @@ fn wide(caption: &str, table: Markup) -> Markup {
 /// What every builder made of a scene.
 pub(super) fn trees(source: &Source<'_>, scene: &str, scene_page: Option<&ScenePage>) -> Markup {
     let rows = tree_rows(source, scene, scene_page);
-    let columns =
-        ["build", "SAH", "EPO", "LCV", "nodes", "leaves", "depth", "per leaf", "most", "memory"];
+    // Entrants' files know nothing of nodes and leaves.
+    let known = rows.iter().any(|row| row.2.is_some());
+    let columns = ["nodes", "leaves", "depth", "per leaf", "most", "memory"];
     let table = html! {
         thead { tr {
             th scope="col" { "way to build" }
-            @for column in columns { th.n scope="col" { (column) } }
+            @for column in ["build", "SAH", "EPO", "LCV"] { th.n scope="col" { (column) } }
+            @if known { @for column in columns { th.n scope="col" { (column) } } }
         } }
         tbody {
             @for (variant, point, tree) in rows {
@@ -43,12 +45,14 @@ pub(super) fn trees(source: &Source<'_>, scene: &str, scene_page: Option<&SceneP
                     td.n { (measure(&|point| point.sah)) }
                     td.n { (measure(&|point| point.epo)) }
                     td.n { (measure(&|point| point.lcv)) }
+                    @if known {
                     td.n { (of(&|tree| numbers::count(tree.nodes))) }
                     td.n { (of(&|tree| numbers::count(tree.leaves))) }
                     td.n { (of(&|tree| tree.depth.to_string())) }
                     td.n { (of(&|tree| numbers::short(tree.leaf_mean))) }
                     td.n { (of(&|tree| tree.leaf_max.to_string())) }
                     td.n { (of(&|tree| numbers::bytes(tree.bytes))) }
+                    }
                 }
             }
         }
@@ -142,9 +146,32 @@ pub(super) fn points(source: &Source<'_>, scene: &str, panels: &[&Panel]) -> Mar
     wide("Every point: seconds to build and tracing speed, the fastest in bold", table)
 }
 
-/// What the library chose on a scene.
+/// What the library chose on a scene, told the number of rays, and what it did without.
 pub(super) fn choices(source: &Source<'_>, panels: &[&Panel]) -> Markup {
-    if panels.iter().all(|panel| source.figure.choices_of(panel).is_empty()) {
+    let of = |choices: &[Choice]| -> Vec<(Panel, Vec<Choice>)> {
+        let of_panel = |panel: &&Panel| {
+            let held = choices.iter().filter(|choice| panel.holds_choice(choice));
+            ((*panel).clone(), held.cloned().collect())
+        };
+        panels.iter().map(of_panel).collect()
+    };
+    html! {
+        (choice_table(
+            source,
+            "What is chosen when only the number of rays is told, choosing and building counted",
+            &of(&source.figure.choices),
+        ))
+        (choice_table(
+            source,
+            "What comes of starting cheaply and improving while tracing, when nothing is told",
+            &of(&source.figure.auto),
+        ))
+    }
+}
+
+/// Choices by panel; nothing if there are none.
+fn choice_table(source: &Source<'_>, caption: &str, panels: &[(Panel, Vec<Choice>)]) -> Markup {
+    if panels.iter().all(|(_, choices)| choices.is_empty()) {
         return html! {};
     }
     let table = html! {
@@ -158,34 +185,69 @@ pub(super) fn choices(source: &Source<'_>, panels: &[&Panel]) -> Markup {
             th.n scope="col" { "takes" }
             th.n scope="col" { "regret" }
         } }
-        @for panel in panels {
-            @let choices = source.figure.choices_of(panel);
+        @for (panel, choices) in panels {
             @if !choices.is_empty() {
                 tbody {
-                    tr.group { th scope="rowgroup" colspan="8" { (panel.kind) " rays"
-                        @if panel.threads > 1 { ", " (panel.threads) " threads" } } }
-                    @for choice in choices {
-                        tr {
-                            th.n scope="row" { (numbers::rays(choice.rays as f64)) }
-                            td {
-                                span.swatch.(source.looks.of_named(ours::NAME, &choice.variant).class())
-                                    aria-hidden="true" {}
-                                (source.names.ours(&choice.variant))
-                            }
-                            td.n { (numbers::time(choice.measured_s)) }
-                            td.n { (choice.predicted_s.map_or_else(|| NOTHING.to_owned(), numbers::time)) }
-                            td.n { (choice.error().map_or_else(|| NOTHING.to_owned(), numbers::percent)) }
-                            td { (source.names.ours(&choice.best_variant)) }
-                            td.n { (numbers::time(choice.best_s)) }
-                            td.n { (numbers::percent(choice.regret())) }
-                        }
-                    }
+                    tr.group { th scope="rowgroup" colspan="8" {
+                        (panel.kind) " rays" @if panel.threads > 1 { ", " (panel.threads) " threads" }
+                    } }
+                    @for choice in choices { (choice_row(source, choice)) }
                 }
             }
         }
     };
-    let caption =
-        "What is chosen when only the number of rays is told, choosing and building counted";
+    wide(caption, table)
+}
+
+fn choice_row(source: &Source<'_>, choice: &Choice) -> Markup {
+    let nothing = || NOTHING.to_owned();
+    html! {
+        tr {
+            th.n scope="row" { (numbers::rays(choice.rays as f64)) }
+            td {
+                span.swatch.(source.looks.of_named(ours::NAME, &choice.variant).class())
+                    aria-hidden="true" {}
+                (source.names.ours(&choice.variant))
+            }
+            td.n { (numbers::time(choice.measured_s)) }
+            td.n { (choice.predicted_s.map_or_else(nothing, numbers::time)) }
+            td.n { (choice.error().map_or_else(nothing, numbers::percent)) }
+            td { (source.names.ours(&choice.best_variant)) }
+            td.n { (numbers::time(choice.best_s)) }
+            td.n { (numbers::percent(choice.regret())) }
+        }
+    }
+}
+
+/// Where the paper's own builder wins, beside where it won in the paper.
+pub(super) fn windows(source: &Source<'_>, scene: &str) -> Markup {
+    let mut windows =
+        source.figure.windows.iter().filter(|window| window.scene == scene).peekable();
+    // The method's name is an engine's, too.
+    if windows.peek().is_none() || source.names.hidden() {
+        return html! {};
+    }
+    let table = html! {
+        thead { tr {
+            th scope="col" { "way to build" }
+            th scope="col" { "rays" }
+            th.n scope="col" { "from" }
+            th.n scope="col" { "to" }
+        } }
+        tbody {
+            @for window in windows {
+                @let end = |rays: Option<f64>| rays.map_or_else(|| NOTHING.to_owned(), numbers::rays);
+                tr {
+                    th scope="row" { (source.names.ours(&window.variant)) }
+                    td { (window.kind) @if window.threads > 1 { ", " (window.threads) " threads" } }
+                    td.n { (end(window.from)) }
+                    td.n { (end(window.to)) }
+                }
+            }
+        }
+    };
+    let caption = "Where treelet restructuring is fastest among the builders that its paper compared; \
+                   there it was from 7 million to 60 billion rays";
     wide(caption, table)
 }
 

@@ -4,7 +4,7 @@
 use super::{
     CurveDrawing, HeatMap, HeatMaps, LevelBox, Page, Picture, ScenePage, TreeLine, render,
 };
-use crate::figure::data::{Choice, Figure, Point};
+use crate::figure::data::{Choice, Figure, Point, Window};
 
 const SCENE: &str = "<script>alert('&\"')</script>";
 
@@ -21,6 +21,7 @@ fn point(scene: &str, engine: &str, variant: &str, build_s: f64, mrays_per_s: f6
         epo: None,
         lcv: None,
         triangles: Some(1000),
+        mismatch_ppm: None,
     }
 }
 
@@ -63,8 +64,22 @@ fn page() -> Page {
         }),
         trees: vec![TreeLine { variant: "zonk+slow".into(), nodes: 7, ..TreeLine::default() }],
     };
+    let window = Window {
+        scene: SCENE.into(),
+        kind: "diffuse".into(),
+        threads: 1,
+        variant: "zonk+slow".into(),
+        from: Some(7e6),
+        to: None,
+    };
     Page {
-        figure: Figure { points, choices: vec![choice], ..Figure::default() },
+        figure: Figure {
+            points,
+            auto: vec![choice.clone()],
+            windows: vec![window],
+            choices: vec![choice],
+            ..Figure::default()
+        },
         scenes: vec![drawn],
         facts: vec![("note <b>".into(), "of rivalix & co".into())],
         commands: vec!["treelet bench --against rivalix --builders 'ZONK<quick>' <x>".into()],
