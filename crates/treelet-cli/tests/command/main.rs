@@ -7,5 +7,6 @@ mod figure;
 mod interrupt;
 mod kit;
 mod measures;
+mod page;
 mod render;
 mod reports;

@@ -9,6 +9,7 @@ use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
 use super::flags::{Flags, engines};
+use super::page::Report;
 use super::steps::Steps;
 use super::subject::subject;
 use super::{failure, machine};
@@ -47,6 +48,7 @@ pub(super) struct FigureFlags {
 pub(super) fn run(flags: &Flags, session: &Session) -> Result<Outcome, Failure> {
     let figure_flags = &flags.figure;
     let plot = figure_flags.plot.as_deref().map(Output::prepare).transpose()?;
+    let report = Report::prepare(&flags.page)?;
     let plan = FigurePlan::new(base(flags, session), figure_flags.quick);
     let (mut engines, missing) = engines(flags);
     missing.iter().for_each(|it| warn(&format!("{} is left out: {}", it.name, it.reason)));
@@ -90,6 +92,9 @@ pub(super) fn run(flags: &Flags, session: &Session) -> Result<Outcome, Failure> 
     figure::mark_lines(&figure.marks).iter().for_each(|line| say(line));
     if let Some(plot) = plot {
         draw(&figure, &plot)?;
+    }
+    if let Some(report) = report {
+        report.write(&figure, flags, session)?;
     }
     Outcome::new("bench", &figure, Ending::Done)
 }

@@ -13,6 +13,7 @@ use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
 use super::figure::FigureFlags;
+use super::page::PageFlags;
 use crate::input::SceneFlags;
 use crate::session::Session;
 
@@ -20,11 +21,14 @@ use crate::session::Session;
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Scene files, or scenes that are made: `fractal-terrain[:N]`, `soup[:N]` with N triangles.
-    #[arg(required = true, value_name = "SCENE")]
+    #[arg(required_unless_present = "entrant", value_name = "SCENE")]
     pub(super) scenes: Vec<PathBuf>,
 
     #[command(flatten)]
     pub(super) scene_flags: SceneFlags,
+
+    #[command(flatten)]
+    pub(super) page: PageFlags,
 
     /// Rivals to measure against; one that is not there is skipped with a line that says so.
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]

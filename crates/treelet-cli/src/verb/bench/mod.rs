@@ -2,6 +2,7 @@
 
 mod figure;
 mod flags;
+mod page;
 mod pages;
 mod peaks;
 mod steps;
@@ -29,6 +30,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     if let Some(what) = &flags.peak_of {
         return peaks::here(what, &flags, session);
     }
+    if flags.scenes.is_empty() {
+        return page::of_entrants(&flags, session);
+    }
     if flags.hugepages == HugePages::All {
         pages::allow()?;
     } else {
@@ -36,6 +40,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     }
     if flags.figure.figure {
         return figure::run(&flags, session);
+    }
+    if flags.page.report.is_some() {
+        return Err(Failure::Usage("--report: the page is of a figure; add --figure".into()));
     }
     let plan = plan(&flags, session, RAYS, Rounds::default());
     let (mut engines, missing) = engines(&flags);
