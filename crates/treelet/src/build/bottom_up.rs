@@ -137,7 +137,7 @@ pub(super) fn build<J: Join>(
     order.find_leaves(bounds, cut.leaf_max, &mut prims, &stage)?;
 
     // Give every piece its place, behind what joins the pieces.
-    let mut marks = order.entries.as_mut_slice();
+    let mut marks = &mut *order.entries;
     let mut kept = Vec::with_capacity(order.pieces.len());
     for piece in &order.pieces {
         let marks = take(&mut marks, piece.prims.len());
@@ -148,7 +148,7 @@ pub(super) fn build<J: Join>(
     let mut nodes = memory::try_filled(unwritten, 2 * leaves - 1, "the tree's nodes")?;
     let (top, mut rest) = nodes.split_at_mut(2 * kept.iter().sum::<usize>() - 1);
     let mut base = top.len();
-    let mut marks = order.entries.as_mut_slice();
+    let mut marks = &mut *order.entries;
     let mut tasks = Vec::with_capacity(order.pieces.len());
     for (piece, keep) in order.pieces.iter().zip(kept) {
         let size = 2 * (piece.leaves - keep);

@@ -256,7 +256,7 @@ impl Order {
             leaf_max: leaf_max as usize,
             stage,
         };
-        let (mut entries, mut prims) = (self.entries.as_mut_slice(), prims);
+        let (mut entries, mut prims) = (&mut *self.entries, prims);
         let mut tasks = Vec::with_capacity(self.pieces.len());
         for piece in &mut self.pieces {
             let count = piece.prims.len();

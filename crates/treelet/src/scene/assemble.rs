@@ -14,6 +14,7 @@ use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Packed, lower, split_leaves};
+use crate::layout::wide::LEAF_MAX;
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
@@ -57,7 +58,12 @@ pub(super) fn assemble(
     report.tree = tree.measure(&options.context.cancel)?;
     report.triangles = triangles as u64;
     report.instances = prims.instances.len() as u64;
-    let structure = finish(description.meshes, placements, prims, tree, plan.collapse, options)?;
+    let tree = if report.tree.leaf_max as usize <= LEAF_MAX && prims.instances.is_empty() {
+        tree
+    } else {
+        split_leaves(tree, prims.bounds(), triangles)
+    };
+    let structure = finish(description.meshes, placements, prims, &tree, plan.collapse, options)?;
     report.trace_bytes = level_bytes(&structure);
     report.total_time = total.elapsed();
     Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
@@ -68,15 +74,14 @@ fn finish(
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
     mut prims: Prims,
-    tree: Tree,
+    tree: &Tree,
     collapse: Collapse,
     options: &BuildOptions<'_>,
 ) -> Result<Structure, SceneError> {
     let Placements { instances, reach, slack, paths } = placements;
-    // The boxes are not needed any more once leaves are small enough.
     let repeats = tree.prims.len() > prims.bounds().len()
         || instances.iter().any(|instance| instance.structure.repeats);
-    let tree = &split_leaves(tree, prims.bounds(), prims.triangles);
+    // The boxes are not needed any more.
     prims.forget_bounds();
     // Where there is no instance, nobody looks for one.
     let first_instance = if prims.instances.is_empty() { u32::MAX } else { prims.triangles as u32 };
