@@ -12,7 +12,7 @@ use super::curve_leaves::{Mark, take};
 use super::curve_order::{Order, Piece};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Context, Stage, parallel};
-use crate::memory;
+use crate::memory::{self, prefetch};
 use crate::tree::{Node, PRIMS_MAX, Tree};
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -215,12 +215,21 @@ impl Leaves<'_> {
                 self.stage.check()?;
                 loaded = first..self.piece.prims.end.min(first + BLOCK);
                 self.load(loaded.clone(), &mut boxes);
+                self.expect(loaded.end..self.piece.prims.end.min(loaded.end + BLOCK));
             }
             let boxes = &boxes[first - loaded.start..end - loaded.start];
             let root = Node::leaf(around(boxes), first, end - first);
             show(&Part { clusters: &[Cluster { root, height: 0 }], leaves: 1, level });
         }
         Ok(())
+    }
+
+    /// Asks for boxes that are loaded soon.
+    #[inline(always)]
+    fn expect(&self, range: Range<usize>) {
+        for prim in &self.prims[range] {
+            prefetch(self.bounds, *prim as usize);
+        }
     }
 
     #[inline(never)]

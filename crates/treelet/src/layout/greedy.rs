@@ -18,6 +18,7 @@ use super::collapse::{Below, Priced};
 use super::select::{Chosen, Entry, NO_PARENT, Part, Selected, Selection, Top};
 use super::wide::{Child, Node, SLOTS_MAX};
 use crate::context::{Cancel, Cancelled, parallel};
+use crate::memory::prefetch;
 use crate::simd::f4::F4;
 use crate::tree::{Kind, Tree};
 use alloc::collections::VecDeque;
@@ -108,6 +109,7 @@ fn piece<const W: usize>(
                 if part.is_leaf() {
                     priced.count(part, &mut entries);
                 } else {
+                    expect(priced.tree, leaves, part);
                     waiting.push((part, nodes.len() as u32, slot as u32));
                 }
             }
@@ -115,6 +117,16 @@ fn piece<const W: usize>(
         }
     }
     Ok(Selected { roots, nodes, entries })
+}
+
+/// Asks for what is below an inner node that is opened soon: builders that join from below put small
+/// subtrees in one place.
+#[inline(always)]
+fn expect(tree: &Tree, leaves: &[u8], part: Part) {
+    let first = tree.nodes[part.node()].first as usize;
+    for pair in 0..usize::from(leaves[part.node()]).min(SLOTS_MAX) {
+        prefetch(&tree.nodes, first + 2 * pair);
+    }
 }
 
 /// What fills the slots of the wide node of an inner node, and how much that is.

@@ -8,8 +8,12 @@ use super::order::{self, Outlook};
 use super::select::{Chosen, NO_PARENT, Part, Selected};
 use super::wide::{Child, LEAF_MAX, Node, SLOTS_MAX, TRIANGLE_WORDS};
 use crate::context::{Cancel, Cancelled};
+use crate::memory::prefetch;
 use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
+
+/// Nodes of the tree are asked for this many wide nodes ahead.
+const AHEAD: usize = 2;
 
 /// What is written.
 pub(super) struct Writer<'a, F> {
@@ -78,6 +82,9 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
             children.push(Child::inner(output.base + at as u32));
             loop {
                 self.cancel.check()?;
+                if let Some(soon) = piece.nodes.get(at + AHEAD) {
+                    self.expect(soon);
+                }
                 self.node(at, &piece.nodes[at], &mut output, &mut batch);
                 at += 1;
                 if piece.nodes.get(at).is_none_or(|node| node.parent == NO_PARENT) {
@@ -88,6 +95,14 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
         let Writer { unit, triangles, .. } = *self;
         order::arrange(output.nodes, output.base, triangles, unit, output.outlooks);
         Ok((children, output.instances))
+    }
+
+    /// Asks for the boxes and leaves of a node that is written soon.
+    #[inline(always)]
+    fn expect<const W: usize>(&self, chosen: &Chosen<W>) {
+        for part in &chosen.parts[..chosen.count as usize] {
+            prefetch(&self.tree.nodes, part.node());
+        }
     }
 
     /// Writes the node `at` with its leaves, and puts it into its parent.
