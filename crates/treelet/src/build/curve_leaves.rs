@@ -22,7 +22,7 @@ use core::sync::atomic::AtomicU64;
 const SMALL_RUN: usize = 512;
 /// Bits by which a bucket is sorted by digits: three that a first-level cache holds. What is equal in
 /// them is sorted by comparison.
-const SORT_BITS: u32 = 20;
+const SORT_BITS: u32 = 27;
 /// The level of neighbours whose first words are equal, before [`refine`].
 const EQUAL: u8 = u8::MAX;
 
