@@ -16,6 +16,7 @@ use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Packed, lower, split_leaves};
+use crate::layout::wide::LEAF_MAX;
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
@@ -99,15 +100,18 @@ impl Gathered {
         options: &BuildOptions<'_>,
         again: bool,
     ) -> Result<Scene, SceneError> {
-        let (tree, mut report) = self.tree(plan, options)?;
+        let (mut tree, mut report) = self.tree(plan, options)?;
         let Self { meshes, placements, prims, clock, .. } = self;
+        if report.tree.leaf_max as usize > LEAF_MAX || !prims.instances.is_empty() {
+            tree = split_leaves(tree, prims.bounds(), prims.triangles);
+        }
         let (meshes, instances) = if again {
             (meshes.clone(), placements.instances.clone())
         } else {
             (mem::take(meshes), mem::take(&mut placements.instances))
         };
         let placements = Placements { instances, ..*placements };
-        let structure = finish(meshes, placements, prims, tree, plan.collapse, options, again)?;
+        let structure = finish(meshes, placements, prims, &tree, plan.collapse, options, again)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
@@ -141,16 +145,14 @@ fn finish(
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
     prims: &mut Prims,
-    tree: Tree,
+    tree: &Tree,
     collapse: Collapse,
     options: &BuildOptions<'_>,
     again: bool,
 ) -> Result<Structure, SceneError> {
     let Placements { instances, reach, slack, paths } = placements;
-    // The boxes are not needed any more once leaves are small enough.
     let repeats = tree.prims.len() > prims.bounds().len()
         || instances.iter().any(|instance| instance.structure.repeats);
-    let tree = &split_leaves(tree, prims.bounds(), prims.triangles);
     if !again {
         prims.forget_bounds();
     }
