@@ -141,7 +141,13 @@ fn blend(influences: &[Influences], vertex: usize, bones: &Bones<'_>) -> Affine 
             }
         }
     }
-    if total > 0.0 { Affine(sum) } else { bones.world_from_node }
+    if total > 0.0 {
+        // Weights need not add up to 1, above all not where a joint is missing.
+        let share = 1.0 / total;
+        Affine(sum.map(|row| row.map(|entry| share * entry)))
+    } else {
+        bones.world_from_node
+    }
 }
 
 /// A normal under a map, by its matrix of cofactors: the transposed inverse times the determinant,

@@ -125,8 +125,8 @@ pub struct Target {
     pub tangents: Option<Array<[f32; 3]>>,
 }
 
-/// Four joints a vertex, and how much each of them pulls. Over all sets of a shape, the weights of
-/// a vertex add up to 1, or to 0 for one that follows its node.
+/// Four joints a vertex, and how much each of them pulls against the others of all sets. A vertex that
+/// none pulls at follows its node.
 #[derive(Clone, Debug, Default)]
 pub struct Influences {
     /// Indices into [`Skin::joints`].
