@@ -2,6 +2,7 @@
 
 mod bench;
 mod errors;
+mod frames;
 mod interrupt;
 mod kit;
 mod measures;

@@ -7,7 +7,7 @@
 use std::collections::{HashMap, HashSet};
 
 use treelet::math::Affine;
-use treelet_model::animation::{Deformer, Mount, Property, Shape, transform};
+use treelet_model::animation::{Deformer, Local, Mount, Property, Shape, transform};
 use treelet_model::{Model, Object, Placement, PoseError};
 
 use crate::error::{Fault, Place, Result, counted};
@@ -198,6 +198,9 @@ impl<'s, 'a> Bodies<'s, 'a> {
         if model.rig.deformers.is_empty() {
             return Ok(());
         }
+        let per_node = size_of::<transform::Rows>() + size_of::<Local>();
+        let bytes = (model.rig.nodes.len() as u64).saturating_mul(per_node as u64);
+        source.whole(source.budget.spend(bytes, "nodes"))?;
         match model.pose(None, 0.0) {
             Ok(_) => Ok(()),
             Err(PoseError::OutOfMemory(error)) => Err(source.error(Place::File, error)),
