@@ -4,6 +4,7 @@ mod bench;
 mod choice;
 mod errors;
 mod figure;
+mod frames;
 mod interrupt;
 mod kit;
 mod measures;
