@@ -46,6 +46,12 @@ impl Mesh {
         ])
     }
 
+    /// The same triangles between vertices that are elsewhere.
+    #[must_use]
+    pub fn with_positions(&self, positions: impl Into<Array<[f32; 3]>>) -> Self {
+        Self { positions: positions.into(), triangles: self.triangles.clone() }
+    }
+
     /// What is wrong with triangle `prim`, if anything.
     pub fn defect(&self, prim: usize) -> Option<Defect> {
         let positions = self.positions();

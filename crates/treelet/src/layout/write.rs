@@ -197,7 +197,7 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
 
 /// Rows as long as the leaf has triangles: coordinate by coordinate, then the ids.
 #[inline(always)]
-fn write_block(triangles: &[Packed], block: &mut [f32]) {
+pub(super) fn write_block(triangles: &[Packed], block: &mut [f32]) {
     let count = triangles.len();
     for (lane, Packed { corners, id }) in triangles.iter().enumerate() {
         for corner in 0..3 {

@@ -14,6 +14,7 @@ use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Packed, lower, split_leaves};
+use crate::simd::Checked;
 use crate::trace::structure::{Geometry, Instance, Layout, Structure};
 use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
@@ -21,7 +22,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// The most boxes that stand for a level when it is transformed.
-const COVER_MAX: usize = 32;
+pub(super) const COVER_MAX: usize = 32;
 
 /// Builds the scene.
 pub(super) fn assemble(
@@ -115,25 +116,58 @@ fn finish(
         }
     }
     let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
-
-    Ok(Structure {
-        repeats,
+    let level = Level {
         level,
-        unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
         geometries,
         first_ids,
-        instances,
+        placements: Placements { instances, reach, slack, paths },
         layout,
         bounds: tree.bounds(),
-        leaf_instances,
         cover: cover(tree),
-        ordinary: Ordinary::level(&reach),
-        reach,
-        diagonal: tree.bounds().diagonal() as f32,
-        reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
-        slack,
-        paths,
-    })
+        leaf_instances,
+        repeats,
+    };
+    Ok(level.structure())
+}
+
+/// All that a level is made of.
+pub(super) struct Level {
+    pub(super) level: Checked,
+    pub(super) geometries: Vec<Geometry>,
+    pub(super) first_ids: Vec<u32>,
+    pub(super) placements: Placements,
+    pub(super) layout: Layout,
+    pub(super) bounds: Aabb,
+    pub(super) cover: Vec<Aabb>,
+    pub(super) leaf_instances: Vec<u32>,
+    pub(super) repeats: bool,
+}
+
+impl Level {
+    /// With what walks want to know besides.
+    pub(super) fn structure(self) -> Structure {
+        let Self { level, geometries, first_ids, placements, layout, bounds, .. } = self;
+        let Placements { instances, reach, slack, paths } = placements;
+        Structure {
+            repeats: self.repeats,
+            level,
+            unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
+            geometries,
+            first_ids,
+            instances,
+            layout,
+            bounds,
+            leaf_instances: self.leaf_instances,
+            cover: self.cover,
+            ordinary: Ordinary::level(&reach),
+            reach,
+            diagonal: bounds.diagonal() as f32,
+            reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
+            slack,
+            paths,
+            built_price: None,
+        }
+    }
 }
 
 /// Where the triangles of leaves come from.

@@ -2,6 +2,7 @@
 
 mod assemble;
 mod builder;
+mod edit;
 mod error;
 mod gather;
 mod place;
@@ -11,6 +12,7 @@ mod report;
 mod slices;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
+pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Reason, Update};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
 pub use recipe::{Recipe, RecipeError};

@@ -109,6 +109,8 @@ pub(crate) struct Structure {
     pub(crate) repeats: bool,
     /// Instance paths, this level's empty path included.
     pub(crate) paths: u64,
+    /// Where the tree was refitted: what a line paid in it when it was built.
+    pub(crate) built_price: Option<f64>,
 }
 
 impl Structure {
