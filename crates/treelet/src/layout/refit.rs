@@ -22,13 +22,11 @@ use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages};
+use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
 
 /// Nodes that one task sweeps.
 const CHUNK: usize = 1024;
-
-/// Price of visiting a node or testing a leaf, as when nodes were chosen.
-const PRICE: f64 = super::collapse::VISIT as f64;
 
 /// What the leaves of a layout hold now.
 pub(crate) struct Content<'a, T, I> {
@@ -42,12 +40,12 @@ pub(crate) struct Content<'a, T, I> {
 pub(crate) struct Refitted<const W: usize> {
     pub(crate) wide: Wide<W>,
     pub(crate) bounds: Aabb,
-    /// See [`price`].
-    pub(crate) price: f64,
+    /// See [`areas`].
+    pub(crate) areas: f64,
 }
 
-/// What a long random line that meets the root pays: visits of nodes and leaves, by area.
-pub(crate) fn price<K: Packing<W>, const W: usize>(wide: &Wide<W, K>) -> f64 {
+/// The sum of the half areas of all children.
+pub(crate) fn areas<K: Packing<W>, const W: usize>(wide: &Wide<W, K>) -> f64 {
     let sums = parallel::map_chunks(&wide.nodes, CHUNK, |_, nodes| {
         let of_node = |node: &K::Node| {
             let used = used(K::children(node));
@@ -55,17 +53,14 @@ pub(crate) fn price<K: Packing<W>, const W: usize>(wide: &Wide<W, K>) -> f64 {
         };
         nodes.iter().map(of_node).sum::<f64>()
     });
-    let root = wide.nodes.first().map_or(Aabb::EMPTY, |node| {
-        let slots = 0..used(K::children(node));
-        slots.fold(Aabb::EMPTY, |all, slot| all.union(&K::bounds(node, slot)))
-    });
-    relative(sums.into_iter().sum(), &root)
+    sums.into_iter().sum()
 }
 
-/// A sum of half areas, in visits a line that meets `root`.
-fn relative(sum: f64, root: &Aabb) -> f64 {
+/// What a long random line that meets the root pays: visits of nodes and leaves, each at the same
+/// price, as when nodes were chosen ([`super::collapse`]).
+pub(crate) fn price(areas: f64, root: &Aabb) -> f64 {
     let root = half_area(root);
-    if root > 0.0 { PRICE * (1.0 + sum / root) } else { PRICE }
+    if root > 0.0 { 1.0 + areas / root } else { 1.0 }
 }
 
 /// In f64, where no area of a scene is too large.
@@ -147,8 +142,81 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
         };
         bounds = around;
     }
-    let price = relative(sum, &bounds);
-    Ok(Some(Refitted { wide: Wide { nodes, root, words, triangles }, bounds, price }))
+    Ok(Some(Refitted { wide: Wide { nodes, root, words, triangles }, bounds, areas: sum }))
+}
+
+/// The same tree, where only the boxes of some instances changed: those that are `moved`, by their
+/// place among the leaves' entries. `bounds` and `areas` are those of the tree as it is.
+///
+/// Cost: copies the layout and reads the children of every node; then a few steps for each.
+pub(crate) fn touch<const W: usize>(
+    old: &Wide<W>,
+    (bounds, areas): (Aabb, f64),
+    moved: impl Fn(usize) -> bool,
+    instance: impl Fn(usize) -> Aabb,
+) -> Result<Refitted<W>, BuildError> {
+    let mut nodes = Pages::zeroed(old.nodes.len(), "wide nodes")?;
+    nodes.copy_from_slice(&old.nodes);
+    let mut words = Pages::zeroed(old.words.len(), "leaf blocks")?;
+    words.copy_from_slice(&old.words);
+    let around = |first: usize, count: usize| {
+        let entries = first - old.triangles..first - old.triangles + count;
+        entries.map(&instance).fold(Aabb::EMPTY, |all, bounds| all.union(&bounds))
+    };
+
+    // Mend the leaves, and find the way up from each node.
+    let mut areas = areas;
+    let mut parents = memory::try_filled((u32::MAX, 0_u8), nodes.len(), "parents of nodes")?;
+    let mut grown = BTreeSet::new();
+    for (at, node) in nodes.iter_mut().enumerate() {
+        for slot in 0..used(&node.children) {
+            match node.children[slot].kind() {
+                ChildKind::Inner { node: child } => parents[child] = (at as u32, slot as u8),
+                ChildKind::Leaf { first, count } if first >= old.triangles => {
+                    let mut entries = first - old.triangles..first - old.triangles + count;
+                    if entries.any(&moved) {
+                        areas += replace(node, slot, &around(first, count));
+                        grown.insert(at);
+                    }
+                }
+                ChildKind::Leaf { .. } => {}
+            }
+        }
+    }
+
+    // Mend the boxes above, children before parents.
+    while let Some(at) = grown.pop_last() {
+        let bounds = own_box(&nodes[at]);
+        let (parent, slot) = parents[at];
+        if let Some(node) = nodes.get_mut(parent as usize) {
+            areas += replace(node, usize::from(slot), &bounds);
+            grown.insert(parent as usize);
+        }
+    }
+    let bounds = match old.root.kind() {
+        ChildKind::Inner { node } => own_box(&nodes[node]),
+        ChildKind::Leaf { first, count } if old.root != Child::END && first >= old.triangles => {
+            around(first, count)
+        }
+        // Triangles, or nothing at all.
+        ChildKind::Leaf { .. } => bounds,
+    };
+    let wide = Wide { nodes, root: old.root, words, triangles: old.triangles };
+    Ok(Refitted { wide, bounds, areas })
+}
+
+/// Gives a child another box; returns by how much its half area grew.
+fn replace<const W: usize>(node: &mut Node<W>, slot: usize, bounds: &Aabb) -> f64 {
+    let before = half_area(&<Plain as Packing<W>>::bounds(node, slot));
+    let child = node.children[slot];
+    node.set(slot, bounds, child);
+    half_area(bounds) - before
+}
+
+/// The box around a node's children.
+fn own_box<const W: usize>(node: &Node<W>) -> Aabb {
+    let boxes = (0..used(&node.children)).map(|slot| <Plain as Packing<W>>::bounds(node, slot));
+    boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds))
 }
 
 /// What a chunk is written to.

@@ -2,7 +2,7 @@
 
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::gather::{Names, Prims, add_triangles};
-use super::place::{Placements, place_instances};
+use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
 use super::{Scene, SceneError};
@@ -15,7 +15,8 @@ use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Packed, lower, split_leaves};
 use crate::simd::Checked;
-use crate::trace::structure::{Geometry, Instance, Layout, Structure};
+use crate::trace::placements::Instance;
+use crate::trace::structure::{Geometry, Layout, Structure};
 use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
@@ -42,7 +43,7 @@ pub(super) fn assemble(
     }
     let triangles = prims.triangles;
     let meshes = prims.meshes;
-    let placements = place_instances(description.instances, meshes, options, &mut report)?;
+    let placements = place_instances(parts(description.instances), meshes, options, &mut report)?;
     let placed =
         placements.instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds.is_empty());
     for (instance, index) in placed {
@@ -76,7 +77,7 @@ fn finish(
     let Placements { instances, reach, slack, paths } = placements;
     // The boxes are not needed any more once leaves are small enough.
     let repeats = tree.prims.len() > prims.bounds().len()
-        || instances.iter().any(|instance| instance.structure.repeats);
+        || instances.blocks.iter().any(|block| block.repeats);
     let tree = &split_leaves(tree, prims.bounds(), prims.triangles);
     prims.forget_bounds();
     // Where there is no instance, nobody looks for one.
@@ -126,6 +127,7 @@ fn finish(
         cover: cover(tree),
         leaf_instances,
         repeats,
+        around_meshes: prims.meshes,
     };
     Ok(level.structure())
 }
@@ -141,6 +143,8 @@ pub(super) struct Level {
     pub(super) cover: Vec<Aabb>,
     pub(super) leaf_instances: Vec<u32>,
     pub(super) repeats: bool,
+    /// Around the meshes alone.
+    pub(super) around_meshes: Aabb,
 }
 
 impl Level {
@@ -165,7 +169,8 @@ impl Level {
             reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
             slack,
             paths,
-            built_price: None,
+            around_meshes: self.around_meshes,
+            price: None,
         }
     }
 }

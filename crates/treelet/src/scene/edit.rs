@@ -6,8 +6,8 @@
 //! anew where that is not so, or where the boxes have grown so much that it pays.
 
 use super::assemble::{COVER_MAX, Level};
-use super::builder::{BuildOptions, LayoutChoice, Placed, SceneBuilder};
-use super::place::place_instances;
+use super::builder::{BuildOptions, Placed, SceneBuilder};
+use super::place::{Part, Placements, place_instances};
 use super::report::BuildReport;
 use super::{Scene, SceneError, assemble};
 use crate::bounds::Aabb;
@@ -17,10 +17,15 @@ use crate::geometry::Mesh;
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{self, Content, refit};
+use crate::layout::refit::{self, Content, Refitted, refit};
+use crate::layout::wide::Wide;
 use crate::math::Affine;
 use crate::memory::Array;
-use crate::trace::structure::{Geometry, Layout, Structure};
+use crate::trace::placements::{BLOCK, Block, Instances};
+use crate::trace::slack::{Near, Slack};
+use crate::trace::structure::{Geometry, Layout, Price, Structure};
+use alloc::collections::BTreeMap;
+use alloc::collections::btree_map::Entry;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::time::Duration;
@@ -146,30 +151,24 @@ pub enum EditError {
 #[derive(Clone, Debug)]
 pub struct Edit {
     before: Scene,
-    description: SceneBuilder,
-    /// Instances that are to become empty.
-    removed: Vec<usize>,
-    changed: bool,
+    /// Meshes that are others now, or new.
+    meshes: BTreeMap<usize, (Mesh, u32)>,
+    /// Instances that are others now, or new.
+    instances: BTreeMap<usize, Placed>,
+    /// How many there are, the new ones included.
+    counts: [usize; 2],
     /// What the commit may do to the tree.
     pub update: Update,
 }
 
 impl Scene {
-    /// Begins an edit. Cost: O(meshes + instances).
+    /// Begins an edit. Costs nothing: only what changes is written down.
     pub fn edit(&self) -> Edit {
-        let level = &*self.structure;
-        let meshes = level.geometries.iter().map(|it| (it.mesh.clone(), it.mask)).collect();
-        let placed = level.instances.iter().map(|it| Placed {
-            structure: Arc::clone(&it.structure),
-            world_from_object: it.world_from_object,
-            mask: it.mask,
-        });
-        let description = SceneBuilder { meshes, instances: placed.collect() };
         Edit {
             before: self.clone(),
-            description,
-            removed: Vec::new(),
-            changed: false,
+            meshes: BTreeMap::new(),
+            instances: BTreeMap::new(),
+            counts: [self.structure.geometries.len(), self.structure.instances.len()],
             update: Update::default(),
         }
     }
@@ -222,9 +221,10 @@ impl Edit {
 
     /// Adds a mesh that every ray sees; returns its `geom`.
     pub fn add_mesh(&mut self, mesh: Mesh) -> usize {
-        self.changed = true;
-        self.description.meshes.push((mesh, u32::MAX));
-        self.description.meshes.len() - 1
+        let geom = self.counts[0];
+        self.counts[0] += 1;
+        self.meshes.insert(geom, (mesh, u32::MAX));
+        geom
     }
 
     /// Moves an instance.
@@ -248,7 +248,6 @@ impl Edit {
     /// There is no such instance.
     pub fn set_scene(&mut self, instance: usize, scene: &Scene) -> Result<(), EditError> {
         self.instance(instance)?.structure = Arc::clone(&scene.structure);
-        self.removed.retain(|&removed| removed != instance);
         Ok(())
     }
 
@@ -262,37 +261,50 @@ impl Edit {
         Ok(())
     }
 
-    /// Takes an instance away; its number stays unused. `Hit::inst` counts paths, and those of later
-    /// instances move up.
+    /// Takes an instance away: it holds nothing from then on, until it is given a scene. `Hit::inst`
+    /// counts paths, and those of later instances move up.
     ///
     /// # Errors
     ///
     /// There is no such instance.
     pub fn remove_instance(&mut self, instance: usize) -> Result<(), EditError> {
-        self.instance(instance)?;
-        self.removed.push(instance);
+        let nothing = nothing_like(&self.before.structure);
+        self.instance(instance)?.structure = nothing;
         Ok(())
     }
 
     /// Places a scene that every ray sees; returns the instance's number.
     pub fn add_instance(&mut self, scene: &Scene, world_from_object: Affine) -> usize {
-        self.changed = true;
+        let instance = self.counts[1];
+        self.counts[1] += 1;
         let structure = Arc::clone(&scene.structure);
-        self.description.instances.push(Placed { structure, world_from_object, mask: u32::MAX });
-        self.description.instances.len() - 1
+        let placed = Placed { structure, world_from_object, mask: u32::MAX };
+        self.instances.insert(instance, placed);
+        instance
     }
 
+    /// What is to be said of a mesh.
     fn mesh(&mut self, geom: usize) -> Result<&mut (Mesh, u32), EditError> {
-        self.changed = true;
-        let meshes = self.description.meshes.len();
-        self.description.meshes.get_mut(geom).ok_or(EditError::NoMesh { geom, meshes })
+        let missing = EditError::NoMesh { geom, meshes: self.counts[0] };
+        match self.meshes.entry(geom) {
+            Entry::Occupied(entry) => Ok(entry.into_mut()),
+            Entry::Vacant(entry) => {
+                let before = self.before.structure.geometries.get(geom).ok_or(missing)?;
+                Ok(entry.insert((before.mesh.clone(), before.mask)))
+            }
+        }
     }
 
+    /// What is to be said of an instance.
     fn instance(&mut self, instance: usize) -> Result<&mut Placed, EditError> {
-        self.changed = true;
-        let instances = self.description.instances.len();
-        let placed = self.description.instances.get_mut(instance);
-        placed.ok_or(EditError::NoInstance { instance, instances })
+        let missing = EditError::NoInstance { instance, instances: self.counts[1] };
+        match self.instances.entry(instance) {
+            Entry::Occupied(entry) => Ok(entry.into_mut()),
+            Entry::Vacant(entry) => {
+                let before = self.before.structure.instances.get(instance).ok_or(missing)?;
+                Ok(entry.insert(Placed::again(before)))
+            }
+        }
     }
 
     /// Makes the new snapshot. `options` say how a tree is built if one has to be; instructions and
@@ -301,15 +313,14 @@ impl Edit {
     /// # Errors
     ///
     /// As [`SceneBuilder::build`]; the old snapshot stays what it is.
-    pub fn commit(mut self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
+    pub fn commit(self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
         let watch = Stopwatch::start();
         let done = |scene, action, reason, decay| {
             Ok(Commit { scene, action, reason, decay, time: watch.elapsed() })
         };
-        if !self.changed {
+        if self.meshes.is_empty() && self.instances.is_empty() {
             return done(self.before, Action::Kept, Reason::Unchanged, 1.0);
         }
-        self.empty_removed(options)?;
         let reason = match self.update {
             Update::Rebuild => Reason::Asked,
             Update::Auto | Update::Refit => match self.refit(options)? {
@@ -320,26 +331,66 @@ impl Edit {
                 Ok(_) => Reason::Decayed,
             },
         };
-        done(assemble::assemble(self.description, options)?, Action::Rebuilt, reason, 1.0)
+        done(assemble::assemble(self.description(), options)?, Action::Rebuilt, reason, 1.0)
     }
 
-    /// Puts an empty scene where an instance was removed.
-    fn empty_removed(&mut self, options: &BuildOptions<'_>) -> Result<(), SceneError> {
-        if self.removed.is_empty() {
-            return Ok(());
-        }
-        let layout = Some(match self.before.structure.layout {
-            Layout::Wide8(_) => LayoutChoice::Wide8,
-            Layout::Wide16(_) => LayoutChoice::Wide16,
-            Layout::Compact(_) => LayoutChoice::Compact,
-        });
-        let empty = Scene::builder().build(&BuildOptions { layout, ..options.clone() })?;
-        for &instance in &self.removed {
-            if let Some(placed) = self.description.instances.get_mut(instance) {
-                placed.structure = Arc::clone(&empty.structure);
+    /// Everything as it is to be.
+    fn description(&self) -> SceneBuilder {
+        let before = &self.before.structure;
+        let placed = |at: usize| match (self.instances.get(&at), before.instances.get(at)) {
+            (Some(placed), _) => Some(placed.clone()),
+            (None, before) => before.map(Placed::again),
+        };
+        let instances = (0..self.counts[1]).filter_map(placed).collect();
+        let meshes = self.geometries().into_iter().map(|it| (it.mesh, it.mask)).collect();
+        SceneBuilder { meshes, instances }
+    }
+
+    /// The meshes as they are to be.
+    fn geometries(&self) -> Vec<Geometry> {
+        let before = &self.before.structure.geometries;
+        let mesh = |geom: usize| match (self.meshes.get(&geom), before.get(geom)) {
+            (Some((mesh, mask)), _) => Some(Geometry { mesh: mesh.clone(), mask: *mask }),
+            (None, before) => before.cloned(),
+        };
+        (0..self.counts[0]).filter_map(mesh).collect()
+    }
+
+    /// The instances as they are to be: blocks without a change stay.
+    fn parts(&self) -> Vec<Part> {
+        let blocks = self.before.structure.instances.blocks.iter().enumerate();
+        let part = |(index, block): (usize, &Arc<Block>)| {
+            let first = index * BLOCK;
+            let mut changes = self.instances.range(first..first + block.items.len()).peekable();
+            if changes.peek().is_none() {
+                return Part::Kept(Arc::clone(block));
             }
+            let mut placed: Vec<_> = block.items.iter().map(Placed::again).collect();
+            changes.for_each(|(at, change)| placed[at - first] = change.clone());
+            Part::New(placed)
+        };
+        blocks.map(part).collect()
+    }
+
+    /// Whether the vertices of a mesh are elsewhere, or it has other triangles; or why the tree
+    /// cannot stay.
+    fn reshaped(&self) -> Result<bool, Reason> {
+        let before = &self.before.structure;
+        if self.counts != [before.geometries.len(), before.instances.len()] {
+            return Err(Reason::Different);
         }
-        Ok(())
+        let mut reshaped = false;
+        for (&geom, (mesh, _)) in &self.meshes {
+            let old = &before.geometries[geom].mesh;
+            if old.triangles().len() != mesh.triangles().len() {
+                return Err(Reason::Different);
+            }
+            reshaped |= !old.is_same(mesh);
+        }
+        if reshaped && self.before.report.skipped.triangles > 0 {
+            return Err(Reason::Unfit);
+        }
+        Ok(reshaped)
     }
 
     /// The scene with the tree that it has, and how much dearer that has become; or why not.
@@ -348,55 +399,56 @@ impl Edit {
         options: &BuildOptions<'_>,
     ) -> Result<Result<(Scene, f64), Reason>, SceneError> {
         let before = &*self.before.structure;
-        let Self { description, .. } = self;
-
-        // The same triangles must be in the tree, and the same instances.
-        let triangles = |mesh: &Mesh| mesh.triangles().len();
-        let meshes = before.geometries.iter().map(|it| triangles(&it.mesh));
-        if !meshes.eq(description.meshes.iter().map(|(mesh, _)| triangles(mesh)))
-            || before.instances.len() != description.instances.len()
-        {
-            return Ok(Err(Reason::Different));
-        }
-        if self.before.report.skipped.triangles > 0 {
-            return Ok(Err(Reason::Unfit));
-        }
-        // Without instances nobody asks where the meshes are before their boxes are known.
-        let alone = description.instances.is_empty();
-        let around = if alone { Aabb::EMPTY } else { bounds_of(&description.meshes) };
-        let mut report = BuildReport::default();
-        let mut placements =
-            place_instances(description.instances.clone(), around, options, &mut report)?;
-        let emptiness = |at: usize| before.instances[at].bounds.is_empty();
-        let new = placements.instances.iter().enumerate();
-        if new.clone().any(|(at, instance)| instance.bounds.is_empty() != emptiness(at)) {
-            return Ok(Err(Reason::Different));
-        }
-        let mixed = new.clone().find(|(_, it)| !it.structure.layout.is_as(&before.layout));
-        if let Some((instance, _)) = mixed {
-            return Err(SceneError::MixedLayouts { instance });
-        }
-
-        // Sweep.
-        let meshes: Vec<&Mesh> = description.meshes.iter().map(|(mesh, _)| mesh).collect();
-        let moved = Moved { meshes: &meshes, before };
-        let instances = &placements.instances;
-        let instance = |at: usize| instances[before.leaf_instances[at] as usize].bounds;
-        let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
-        let content = Content { triangles: &fetch, instance: &instance };
-        let Some(swept) = sweep(&before.layout, &content, &options.context.cancel)? else {
-            return Ok(Err(Reason::Unfit));
+        let reshaped = match self.reshaped() {
+            Err(reason) => return Ok(Err(reason)),
+            Ok(reshaped) => reshaped,
         };
-        if alone {
+
+        // Place the instances; without any, nobody asks where the meshes are before it is known.
+        let geometries = self.geometries();
+        let alone = before.instances.is_empty();
+        let around_meshes = match (reshaped, alone) {
+            (false, _) => before.around_meshes,
+            (true, true) => Aabb::EMPTY,
+            (true, false) => bounds_of(&geometries),
+        };
+        let mut report = BuildReport::default();
+        let mut placements = place_instances(self.parts(), around_meshes, options, &mut report)?;
+        let moved = match moved(&before.instances, &placements.instances, &before.layout)? {
+            Err(reason) => return Ok(Err(reason)),
+            Ok(moved) => moved,
+        };
+
+        // Mend the boxes: all of them, or those that few instances are in.
+        let instance =
+            |at: usize| placements.instances.at(before.leaf_instances[at] as usize).bounds;
+        let price = before.price.unwrap_or_else(|| price(&before.layout, &before.bounds));
+        let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
+        let touched = if few {
+            let moved = |at: usize| moved.binary_search(&before.leaf_instances[at]).is_ok();
+            touched(&before.layout, (before.bounds, price.areas), moved, instance)?
+        } else {
+            None
+        };
+        let swept = if touched.is_some() {
+            touched
+        } else {
+            let fetch = |ids: &[u32], packed: &mut [Packed]| {
+                Moved { geometries: &geometries, before }.fetch(ids, packed)
+            };
+            let content = Content { triangles: &fetch, instance: &instance };
+            sweep(&before.layout, &content, &options.context.cancel)?
+        };
+        let Some(swept) = swept else { return Ok(Err(Reason::Unfit)) };
+        if alone && reshaped {
             placements = place_instances(Vec::new(), swept.bounds, options, &mut report)?;
         }
 
-        let repeats = placements.instances.iter().any(|it| it.structure.repeats);
-        let built = before.built_price.unwrap_or_else(|| price(&before.layout));
-        let geometry = |(mesh, mask): &(Mesh, u32)| Geometry { mesh: mesh.clone(), mask: *mask };
+        let repeats = placements.instances.blocks.iter().any(|block| block.repeats);
+        let decay = refit::price(swept.areas, &swept.bounds) / price.built;
         let level = Level {
             level: before.level,
-            geometries: description.meshes.iter().map(geometry).collect(),
+            geometries,
             first_ids: before.first_ids.clone(),
             placements,
             layout: swept.layout,
@@ -404,12 +456,69 @@ impl Edit {
             cover: swept.cover,
             leaf_instances: before.leaf_instances.clone(),
             repeats: before.repeats || repeats,
+            around_meshes: if alone { swept.bounds } else { around_meshes },
         };
         let mut structure = level.structure();
-        structure.built_price = Some(built);
+        structure.price = Some(Price { built: price.built, areas: swept.areas });
         let report = Arc::clone(&self.before.report);
-        Ok(Ok((Scene { structure: Arc::new(structure), report }, swept.price / built)))
+        Ok(Ok((Scene { structure: Arc::new(structure), report }, decay)))
     }
+}
+
+/// Which instances have another box, in rising order; or why the tree cannot stay.
+fn moved(
+    before: &Instances,
+    after: &Instances,
+    layout: &Layout,
+) -> Result<Result<Vec<u32>, Reason>, SceneError> {
+    let mut moved = Vec::new();
+    for (index, (old, new)) in before.blocks.iter().zip(&after.blocks).enumerate() {
+        if Arc::ptr_eq(old, new) {
+            continue;
+        }
+        for (at, (old, new)) in old.items.iter().zip(&new.items).enumerate() {
+            let instance = index * BLOCK + at;
+            if !new.structure.layout.is_as(layout) {
+                return Err(SceneError::MixedLayouts { instance });
+            }
+            if old.bounds.is_empty() != new.bounds.is_empty() {
+                return Ok(Err(Reason::Different));
+            }
+            if old.bounds != new.bounds {
+                moved.push(instance as u32);
+            }
+        }
+    }
+    Ok(Ok(moved))
+}
+
+/// A scene of nothing that can be placed into this one.
+fn nothing_like(like: &Structure) -> Arc<Structure> {
+    let bounds = Aabb::EMPTY;
+    let layout = match like.layout {
+        Layout::Wide8(_) => Layout::Wide8(Wide::nothing()),
+        Layout::Wide16(_) => Layout::Wide16(Wide::nothing()),
+        Layout::Compact(_) => Layout::Compact(Wide::nothing()),
+    };
+    let placements = Placements {
+        instances: Instances::default(),
+        reach: bounds,
+        slack: Slack::new(Near::of(&bounds), 0.0),
+        paths: 1,
+    };
+    let level = Level {
+        level: like.level,
+        geometries: Vec::new(),
+        first_ids: Vec::new(),
+        placements,
+        layout,
+        bounds,
+        cover: Vec::new(),
+        leaf_instances: Vec::new(),
+        repeats: false,
+        around_meshes: bounds,
+    };
+    Arc::new(level.structure())
 }
 
 /// A layout with new boxes, and what follows from them.
@@ -417,9 +526,18 @@ struct Swept {
     layout: Layout,
     bounds: Aabb,
     cover: Vec<Aabb>,
-    price: f64,
+    areas: f64,
 }
 
+impl Swept {
+    fn new<const W: usize>(refitted: Refitted<W>, layout: impl Fn(Wide<W>) -> Layout) -> Self {
+        let cover = refitted.cover(COVER_MAX);
+        let Refitted { wide, bounds, areas } = refitted;
+        Self { layout: layout(wide), bounds, cover, areas }
+    }
+}
+
+/// All boxes anew; `None` if a triangle is not fit.
 fn sweep(
     layout: &Layout,
     content: &Content<
@@ -429,38 +547,55 @@ fn sweep(
     >,
     cancel: &Cancel,
 ) -> Result<Option<Swept>, SceneError> {
-    let swept = |layout, cover, bounds, price| Some(Swept { layout, bounds, cover, price });
     Ok(match layout {
-        Layout::Wide8(wide) => refit(wide, content, cancel)?.and_then(|it| {
-            let cover = it.cover(COVER_MAX);
-            swept(Layout::Wide8(it.wide), cover, it.bounds, it.price)
-        }),
-        Layout::Wide16(wide) => refit(wide, content, cancel)?.and_then(|it| {
-            let cover = it.cover(COVER_MAX);
-            swept(Layout::Wide16(it.wide), cover, it.bounds, it.price)
-        }),
+        Layout::Wide8(wide) => {
+            refit(wide, content, cancel)?.map(|it| Swept::new(it, Layout::Wide8))
+        }
+        Layout::Wide16(wide) => {
+            refit(wide, content, cancel)?.map(|it| Swept::new(it, Layout::Wide16))
+        }
         Layout::Compact(wide) => match refit(wide, content, cancel)? {
             None => None,
             Some(it) => {
                 let packed = Layout::Compact(pack(&it.wide, cancel)?);
-                swept(packed, it.cover(COVER_MAX), it.bounds, it.price)
+                let cover = it.cover(COVER_MAX);
+                Some(Swept { layout: packed, bounds: it.bounds, cover, areas: it.areas })
             }
         },
     })
 }
 
-/// What a line pays in a layout.
-fn price(layout: &Layout) -> f64 {
-    match layout {
-        Layout::Wide8(wide) => refit::price(wide),
-        Layout::Wide16(wide) => refit::price(wide),
-        Layout::Compact(wide) => refit::price(wide),
-    }
+/// The boxes of a few instances anew, and those that they are in; `None` where a layout cannot.
+fn touched(
+    layout: &Layout,
+    tree: (Aabb, f64),
+    moved: impl Fn(usize) -> bool,
+    instance: impl Fn(usize) -> Aabb,
+) -> Result<Option<Swept>, SceneError> {
+    Ok(match layout {
+        Layout::Wide8(wide) => {
+            Some(Swept::new(refit::touch(wide, tree, moved, instance)?, Layout::Wide8))
+        }
+        Layout::Wide16(wide) => {
+            Some(Swept::new(refit::touch(wide, tree, moved, instance)?, Layout::Wide16))
+        }
+        Layout::Compact(_) => None,
+    })
+}
+
+/// What a tree costs that is as it was built.
+fn price(layout: &Layout, bounds: &Aabb) -> Price {
+    let areas = match layout {
+        Layout::Wide8(wide) => refit::areas(wide),
+        Layout::Wide16(wide) => refit::areas(wide),
+        Layout::Compact(wide) => refit::areas(wide),
+    };
+    Price { built: refit::price(areas, bounds), areas }
 }
 
 /// Where triangles are now.
 struct Moved<'a> {
-    meshes: &'a [&'a Mesh],
+    geometries: &'a [Geometry],
     before: &'a Structure,
 }
 
@@ -468,13 +603,13 @@ impl Moved<'_> {
     /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
     /// Whether all triangles are fit for a scene.
     fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
-        if let [mesh] = self.meshes {
+        if let [Geometry { mesh, .. }] = self.geometries {
             return fetch_of(mesh, ids, packed);
         }
         let mut fit = true;
         for (&id, packed) in ids.iter().zip(packed) {
             let (geom, prim) = self.before.name(id);
-            let mesh = self.meshes[geom as usize];
+            let mesh = &self.geometries[geom as usize].mesh;
             fit &= mesh.defect(prim as usize).is_none();
             *packed = Packed { corners: mesh.corners(prim as usize).unwrap_or_default(), id };
         }
@@ -501,14 +636,14 @@ fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
 }
 
 /// Around all triangles that are fit for a scene.
-fn bounds_of(meshes: &[(Mesh, u32)]) -> Aabb {
+fn bounds_of(geometries: &[Geometry]) -> Aabb {
     let of_chunk = |mesh: &Mesh, first: usize, count: usize| {
         let sound = (first..first + count).filter(|&prim| mesh.defect(prim).is_none());
         let corners = sound.filter_map(|prim| mesh.corners(prim));
         corners.fold(Aabb::EMPTY, |all, corners| all.union(&Aabb::of_points(&corners)))
     };
     let mut all = Aabb::EMPTY;
-    for (mesh, _) in meshes {
+    for Geometry { mesh, .. } in geometries {
         let chunks = parallel::map_chunks(mesh.triangles(), CHUNK, |first, triangles| {
             of_chunk(mesh, first, triangles.len())
         });

@@ -212,7 +212,7 @@ impl Scene {
         let mut at = 0;
         while at < levels.len() {
             let level = levels[at];
-            for instance in &level.instances {
+            for instance in level.instances.iter() {
                 if seen.insert(Arc::as_ptr(&instance.structure)) {
                     levels.push(&instance.structure);
                 }
@@ -244,8 +244,7 @@ impl Scene {
         let mut rest = inst;
         while rest > 0 {
             // Ranks rise, the first being 1: the last instance whose rank is not above `rest`.
-            let index = level.instances.partition_point(|instance| instance.rank <= rest) - 1;
-            let instance = &level.instances[index];
+            let (index, instance) = level.instances.of_rank(rest)?;
             show(index, &instance.world_from_object);
             rest -= instance.rank;
             level = &instance.structure;
