@@ -260,7 +260,7 @@ fn shapes_without_end_are_refused() {
     // A few bytes of nodes, each with a large mesh of its own: more than the bytes of the file earn.
     let mut doc = Doc::default();
     let mesh = doc.sparse_vec3(600_000, 2, [8.0, 0.0, 0.0]);
-    let nodes = vec![r#"{"mesh":0,"weights":[1]}"#; 9].join(",");
+    let nodes = [r#"{"mesh":0,"weights":[1]}"#; 9].join(",");
     let bytes = doc.glb(&format!(
         r#""nodes":[{nodes}],"meshes":[{{"primitives":[{{"attributes":{{"POSITION":{mesh}}},
         "targets":[{{"POSITION":{mesh}}}]}}]}}]"#

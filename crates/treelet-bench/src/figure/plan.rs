@@ -103,7 +103,7 @@ impl FigurePlan {
     /// What another run must have in common with this one to go on with it.
     pub(super) fn settings(&self, engines: &[Box<dyn Engine>]) -> Settings {
         let Plan { kinds, threads, rounds, clock, builders, variants, .. } = &self.base;
-        let engine = |engine: &Box<dyn Engine>| format!("{} {}", engine.name(), engine.version());
+        let engine = |engine: &dyn Engine| format!("{} {}", engine.name(), engine.version());
         Settings {
             version: env!("CARGO_PKG_VERSION"),
             processor: Machine::processor_name(),
@@ -115,7 +115,7 @@ impl FigurePlan {
             seconds: rounds.seconds,
             clock: if *clock == Clock::Wall { "wall".into() } else { "processor".into() },
             quick: self.quick,
-            engines: engines.iter().map(engine).collect(),
+            engines: engines.iter().map(|it| engine(&**it)).collect(),
             builders: builders.clone(),
             variants: variants.clone(),
             choices: self.choices.clone(),

@@ -52,6 +52,11 @@ impl Mesh {
         ])
     }
 
+    /// Whether both are the same arrays in memory, not merely equal.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        self.positions.same(&other.positions) && self.triangles.same(&other.triangles)
+    }
+
     /// What is wrong with triangle `prim`, if anything.
     pub fn defect(&self, prim: usize) -> Option<Defect> {
         let positions = self.positions();

@@ -212,7 +212,7 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
 
 /// Rows as long as the leaf has triangles: coordinate by coordinate, then the ids.
 #[inline(always)]
-fn write_block(triangles: &[Packed], block: &mut [f32]) {
+pub(super) fn write_block(triangles: &[Packed], block: &mut [f32]) {
     match triangles.len() {
         1 => write_rows::<1>(triangles, block),
         2 => write_rows::<2>(triangles, block),

@@ -115,7 +115,7 @@ pub(super) fn run(flags: &Flags, session: &Session) -> Result<Outcome, Failure> 
 
     // Make frame after frame.
     let optimizers = flags.tree.optimizers();
-    let options = flags.tree.options(optimizers.as_deref());
+    let options = flags.tree.options(optimizers.as_deref(), flags.rays(session.threads));
     let options = BuildOptions { invalid: Invalid::from(flags.invalid), ..options };
     let view = view(flags, &mut input, clip)?;
     let goal = Goal::new(flags.spp, flags.time, flags.noise).of_frames(numbers.len() as u32);
