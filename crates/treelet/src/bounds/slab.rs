@@ -118,10 +118,10 @@ impl SlabRay {
     ) -> Self {
         let side = |side: u8| {
             let pick = |axis: usize| if backward[axis] == side { near[axis] } else { far[axis] };
-            [pick(0), pick(1), pick(2), 0.0]
+            [pick(0), pick(1), pick(2), pick(2)]
         };
         let [x, y, z] = backward.map(u32::from);
-        let reciprocal = [reciprocal[0], reciprocal[1], reciprocal[2], 0.0];
+        let reciprocal = [reciprocal[0], reciprocal[1], reciprocal[2], reciprocal[2]];
         Self { sides: [side(0), side(1)], reciprocal, backward: x | y << 1 | z << 2 }
     }
 
@@ -141,6 +141,24 @@ impl SlabRay {
     #[inline(always)]
     pub(crate) fn reciprocal(&self, axis: usize) -> f32 {
         self.reciprocal[axis]
+    }
+
+    /// [`SlabRay::interval`] of a box whose corners are given as lanes.
+    #[inline(always)]
+    pub(crate) fn interval_of_lanes<S: Simd>(&self, simd: S, corners: &[[f32; 4]; 2]) -> Interval {
+        let load = |lanes: &[f32; 4]| S::F4::load(simd, lanes);
+        let reciprocal = load(&self.reciprocal);
+        let lower = load(&corners[0]).sub(load(&self.sides[0])).mul(reciprocal).lanes();
+        let upper = load(&corners[1]).sub(load(&self.sides[1])).mul(reciprocal).lanes();
+        let mut inside = Interval::ALL;
+        for axis in 0..3 {
+            let (lower, upper) = (lower[axis], upper[axis]);
+            let backward = self.backward(axis) == 1;
+            let (entry, exit) = if backward { (upper, lower) } else { (lower, upper) };
+            inside.entry = if entry > inside.entry { entry } else { inside.entry };
+            inside.exit = if exit < inside.exit { exit } else { inside.exit };
+        }
+        inside
     }
 
     /// Where the ray is in the widened box.

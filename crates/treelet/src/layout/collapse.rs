@@ -331,7 +331,7 @@ impl Planned {
         // One slot: a leaf or a node.
         let entries = (left.entries + right.entries).min(LEAF_MAX + 1);
         let kinds = left.kinds | right.kinds;
-        let fits = entries <= LEAF_MAX && kinds != 3;
+        let fits = entries <= LEAF_MAX && kinds == 1;
         let as_leaf = if fits { area * BLOCK } else { f32::INFINITY };
         let as_node = area * VISIT + shared[W / 4 - 1].to_array()[3];
         self.leaf = as_leaf <= as_node;

@@ -35,46 +35,67 @@ pub(crate) struct Packed {
     pub(crate) id: u32,
 }
 
-/// A lowered tree, and the instances in the order of its leaves.
-pub(crate) struct Lowered<const W: usize> {
-    pub(crate) wide: Wide<W>,
-    pub(crate) instances: Vec<u32>,
+/// The primitives that are instances.
+#[derive(Clone, Copy)]
+pub(crate) struct Placed<'a> {
+    /// Primitives from here on are.
+    pub(crate) first: u32,
+    /// Their numbers among all instances of the level, in rising order.
+    pub(crate) numbers: &'a [u32],
 }
 
-/// Lowers a tree whose leaves fit ([`split_leaves`]), of primitives of which those from
-/// `first_instance` on are instances. `source` gives the triangles of some numbers.
+impl Placed<'_> {
+    /// Where there is none.
+    pub(crate) const NONE: Self = Self { first: u32::MAX, numbers: &[] };
+
+    /// The number of the instance that a primitive is.
+    #[inline(always)]
+    pub(super) fn of(&self, prim: u32) -> Option<usize> {
+        let at = prim.checked_sub(self.first)?;
+        self.numbers.get(at as usize).map(|&number| number as usize)
+    }
+
+    /// How many numbers there are, used or not.
+    fn count(&self) -> usize {
+        self.numbers.last().map_or(0, |&last| last as usize + 1)
+    }
+}
+
+/// Lowers a tree whose leaves fit ([`split_leaves`]). `source` gives the triangles of some numbers.
 pub(crate) fn lower<const W: usize>(
     tree: &Tree,
-    first_instance: u32,
+    instances: Placed<'_>,
     source: &(impl Fn(&[u32], &mut [Packed]) + Sync),
     collapse: Collapse,
     cancel: &Cancel,
-) -> Result<Lowered<W>, BuildError> {
+) -> Result<Wide<W>, BuildError> {
     if tree.prims.len() > ENTRIES_MAX {
         return Err(BuildError::TooManyPrims { prims: tree.prims.len() as u64 });
     }
     if tree.nodes.is_empty() {
         let words = Pages::zeroed(BLOCK_WORDS, "leaf blocks")?;
         let nodes = Pages::zeroed(0, "wide nodes")?;
-        let wide = Wide { nodes, root: Child::END, words, triangles: 0 };
-        return Ok(Lowered { wide, instances: Vec::new() });
+        return Ok(Wide { nodes, root: Child::END, words, triangles: 0 });
     }
-    let selection = select(tree, first_instance, collapse, cancel)?;
+    let selection = select(tree, instances.first, collapse, cancel)?;
     let triangles = selection.pieces.iter().map(|piece| piece.entries[0]).sum();
     let unit = order::unit(&tree.bounds());
-    let writer = Writer { tree, source, first_instance, triangles, unit, cancel };
+    if triangles + instances.count() > ENTRIES_MAX {
+        return Err(BuildError::TooManyPrims { prims: (triangles + instances.count()) as u64 });
+    }
+    let writer = Writer { tree, source, instances, triangles, unit, cancel };
     write(&writer, selection)
 }
 
-/// What a leaf of the wide tree may hold: few entries, all of one kind. Other leaves of the tree over
+/// What a leaf of the wide tree may hold: few triangles, or one instance, whose box is then asked with
+/// those of its siblings. Other leaves of the tree over
 /// `bounds` are cut in halves until they do.
 pub(crate) fn split_leaves(mut tree: Tree, bounds: &[Aabb], triangles: usize) -> Tree {
     let has_instances = bounds.len() > triangles;
-    let of_one_kind = |prims: &[u32]| {
-        let instances = prims.iter().filter(|&&prim| prim as usize >= triangles).count();
-        instances == 0 || instances == prims.len()
+    let is_free = |prims: &[u32]| {
+        !has_instances || prims.len() == 1 || prims.iter().all(|&prim| (prim as usize) < triangles)
     };
-    let fits = |prims: &[u32]| prims.len() <= LEAF_MAX && (!has_instances || of_one_kind(prims));
+    let fits = |prims: &[u32]| prims.len() <= LEAF_MAX && is_free(prims);
     let fit = |node: &tree::Node| match node.kind() {
         Kind::Leaf { first, count } => fits(&tree.prims[first..first + count]),
         Kind::Inner { .. } => true,
@@ -158,11 +179,10 @@ fn cut(tree: &Tree) -> Vec<u32> {
 fn write<const W: usize, F: Fn(&[u32], &mut [Packed]) + Sync>(
     writer: &Writer<'_, F>,
     selection: Selection<W>,
-) -> Result<Lowered<W>, BuildError> {
+) -> Result<Wide<W>, BuildError> {
     let Selection { top, pieces } = selection;
     let total = |count: fn(&Selected<W>) -> usize| pieces.iter().map(count).sum::<usize>();
     let triangles = writer.triangles;
-    let instances = total(|piece| piece.entries[1]);
     let inside = total(|piece| piece.nodes.len());
     let mut nodes = Pages::zeroed(top.nodes.len() + inside, "wide nodes")?;
     let mut outlooks = memory::try_with_capacity(nodes.len(), "outlooks of wide nodes")?;
@@ -174,34 +194,29 @@ fn write<const W: usize, F: Fn(&[u32], &mut [Packed]) + Sync>(
     let mut rest_of_outlooks = outlooks.get_mut(top.nodes.len()..).unwrap_or_default();
     let mut rest_of_words = &mut *words;
     let mut jobs = Vec::with_capacity(pieces.len());
-    let (mut base, mut triangle, mut instance) = (top.nodes.len() as u32, 0, triangles);
+    let (mut base, mut triangle) = (top.nodes.len() as u32, 0);
     for piece in pieces {
         let count = piece.nodes.len();
         let (nodes, after) = core::mem::take(&mut rest_of_nodes).split_at_mut(count);
         rest_of_nodes = after;
         let (outlooks, after) = core::mem::take(&mut rest_of_outlooks).split_at_mut(count);
         rest_of_outlooks = after;
-        let [of_triangles, of_instances] = piece.entries;
+        let [of_triangles, _] = piece.entries;
         let (words, after) =
             core::mem::take(&mut rest_of_words).split_at_mut(of_triangles * TRIANGLE_WORDS);
         rest_of_words = after;
-        let instances = Vec::new();
-        jobs.push((piece, Output { nodes, base, outlooks, words, triangle, instances, instance }));
+        jobs.push((piece, Output { nodes, base, outlooks, words, triangle }));
         base += count as u32;
         triangle += of_triangles;
-        instance += of_instances;
     }
     let written = parallel::map(jobs, |(piece, output)| writer.piece(&piece, output));
 
     // Tell the top where its children are.
     of_top.copy_from_slice(&top.nodes);
     let mut root = Child::inner(0);
-    let mut all = memory::try_with_capacity(instances, "leaf instances")?;
     for (written, entries) in written.into_iter().zip(&top.entries) {
-        let written: Result<_, Cancelled> = written;
-        let (children, instances) = written?;
-        all.extend(instances);
-        for (child, entry) in children.into_iter().zip(entries) {
+        let written: Result<Vec<Child>, Cancelled> = written;
+        for (child, entry) in written?.into_iter().zip(entries) {
             match entry.place {
                 Some((node, slot)) => of_top[node].children[slot] = child,
                 None => root = child,
@@ -209,5 +224,5 @@ fn write<const W: usize, F: Fn(&[u32], &mut [Packed]) + Sync>(
         }
     }
     order::arrange(of_top, 0, triangles, writer.unit, &mut outlooks);
-    Ok(Lowered { wide: Wide { nodes, root, words, triangles }, instances: all })
+    Ok(Wide { nodes, root, words, triangles })
 }

@@ -3,7 +3,7 @@
 //! All triangles of a node's leaves are fetched together: their numbers, then their corners. Reads
 //! that do not wait for each other overlap, which is what counts where every one misses the cache.
 
-use super::lower::Packed;
+use super::lower::{Packed, Placed};
 use super::order::{self, Outlook};
 use super::select::{Chosen, NO_PARENT, Part, Selected};
 use super::wide::{Child, LEAF_MAX, Node, SLOTS_MAX, TRIANGLE_WORDS};
@@ -20,7 +20,7 @@ pub(super) struct Writer<'a, F> {
     pub(super) tree: &'a Tree,
     /// Gives the triangles of some numbers.
     pub(super) source: &'a F,
-    pub(super) first_instance: u32,
+    pub(super) instances: Placed<'a>,
     /// Leaves' entries from here on are instances.
     pub(super) triangles: usize,
     /// The scale of [`order::unit`].
@@ -38,9 +38,6 @@ pub(super) struct Output<'a, const W: usize> {
     /// Room for its triangles, in words, and the number of the first one.
     pub(super) words: &'a mut [f32],
     pub(super) triangle: usize,
-    pub(super) instances: Vec<u32>,
-    /// The number of its first instance, as an entry.
-    pub(super) instance: usize,
 }
 
 /// What the leaves of one node hold.
@@ -54,12 +51,12 @@ struct Batch {
 }
 
 impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
-    /// Writes a piece; returns what fills its places in the top, and its instances.
+    /// Writes a piece; returns what fills its places in the top.
     pub(super) fn piece<const W: usize>(
         &self,
         piece: &Selected<W>,
         mut output: Output<'_, W>,
-    ) -> Result<(Vec<Child>, Vec<u32>), Cancelled> {
+    ) -> Result<Vec<Child>, Cancelled> {
         let none = Packed::default();
         let mut batch = Batch {
             prims: [0; SLOTS_MAX * LEAF_MAX],
@@ -94,7 +91,7 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
         }
         let Writer { unit, triangles, .. } = *self;
         order::arrange(output.nodes, output.base, triangles, unit, output.outlooks);
-        Ok((children, output.instances))
+        Ok(children)
     }
 
     /// Asks for the boxes and leaves of a node that is written soon.
@@ -128,7 +125,7 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
         }
     }
 
-    /// Writes those of the parts that are leaves, each at most `LEAF_MAX` entries of one kind.
+    /// Writes those of the parts that are leaves, each at most `LEAF_MAX` triangles, or an instance.
     fn leaves<const W: usize>(
         &self,
         parts: &[Part],
@@ -146,9 +143,10 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
             self.gather(part.node(), batch);
             let prims = &batch.prims[first..batch.count];
             let count = prims.len();
-            if prims.first().is_some_and(|&prim| prim >= self.first_instance) {
-                *child = Child::leaf(output.instance + output.instances.len(), count);
-                output.instances.extend(prims.iter().map(|prim| prim - self.first_instance));
+            if let &[prim] = prims
+                && let Some(instance) = self.instances.of(prim)
+            {
+                *child = Child::leaf(self.triangles + instance, 1);
                 batch.count = first;
                 continue;
             }

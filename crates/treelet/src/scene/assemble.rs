@@ -15,7 +15,7 @@ use crate::geometry::Mesh;
 use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
-use crate::layout::lower::{Packed, lower, split_leaves};
+use crate::layout::lower::{Packed, Placed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
 use crate::trace::placements::Instance;
@@ -76,9 +76,9 @@ impl Gathered {
             .instances
             .iter()
             .zip(0..)
-            .filter(|(instance, _)| !instance.bounds.is_empty());
+            .filter(|(instance, _)| !instance.bounds().is_empty());
         for (instance, index) in placed {
-            prims.add_instance(index, instance.bounds);
+            prims.add_instance(index, instance.bounds());
         }
         report.triangles = prims.triangles as u64;
         report.instances = prims.instances.len() as u64;
@@ -160,7 +160,10 @@ fn finish(
         prims.forget_bounds();
     }
     // Where there is no instance, nobody looks for one.
-    let first_instance = if prims.instances.is_empty() { u32::MAX } else { prims.triangles as u32 };
+    let placed = match &*prims.instances {
+        [] => Placed::NONE,
+        numbers => Placed { first: prims.triangles as u32, numbers },
+    };
     let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;
     let geometries: Vec<_> =
         meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect();
@@ -176,18 +179,12 @@ fn finish(
     let source = Source { geometries: &geometries, first_ids: &first_ids, names: &prims.names };
     let source = |prims: &[u32], packed: &mut [Packed]| source.fetch(prims, packed);
     let cancel = &options.context.cancel;
-    let (layout, order) = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
-        LayoutChoice::Wide8 => {
-            let lowered = lower::<8>(tree, first_instance, &source, collapse, cancel)?;
-            (Layout::Wide8(lowered.wide), lowered.instances)
-        }
-        LayoutChoice::Wide16 => {
-            let lowered = lower::<16>(tree, first_instance, &source, collapse, cancel)?;
-            (Layout::Wide16(lowered.wide), lowered.instances)
-        }
+    let layout = match options.layout.unwrap_or(LayoutChoice::best_for(options.level)) {
+        LayoutChoice::Wide8 => Layout::Wide8(lower(tree, placed, &source, collapse, cancel)?),
+        LayoutChoice::Wide16 => Layout::Wide16(lower(tree, placed, &source, collapse, cancel)?),
         LayoutChoice::Compact => {
-            let lowered = lower::<16>(tree, first_instance, &source, collapse, cancel)?;
-            (Layout::Compact(pack(&lowered.wide, cancel)?), lowered.instances)
+            let wide = lower(tree, placed, &source, collapse, cancel)?;
+            Layout::Compact(pack(&wide, cancel)?)
         }
     };
     for (at, instance) in instances.iter().enumerate() {
@@ -195,7 +192,6 @@ fn finish(
             return Err(SceneError::MixedLayouts { instance: at });
         }
     }
-    let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
     let level = Level {
         level,
         geometries,
@@ -204,7 +200,6 @@ fn finish(
         layout,
         bounds: tree.bounds(),
         cover: cover(tree),
-        leaf_instances,
         repeats,
         around_meshes: prims.meshes,
     };
@@ -220,7 +215,6 @@ pub(super) struct Level {
     pub(super) layout: Layout,
     pub(super) bounds: Aabb,
     pub(super) cover: Vec<Aabb>,
-    pub(super) leaf_instances: Vec<u32>,
     pub(super) repeats: bool,
     /// Around the meshes alone.
     pub(super) around_meshes: Aabb,
@@ -240,7 +234,6 @@ impl Level {
             instances,
             layout,
             bounds,
-            leaf_instances: self.leaf_instances,
             cover: self.cover,
             ordinary: Ordinary::level(&reach),
             reach,
@@ -328,8 +321,6 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let bytes = level.layout.bytes()
-        + size_of::<Instance>() * level.instances.len()
-        + size_of::<u32>() * level.leaf_instances.len();
+    let bytes = level.layout.bytes() + size_of::<Instance>() * level.instances.len();
     bytes as u64
 }

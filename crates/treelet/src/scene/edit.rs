@@ -420,12 +420,11 @@ impl Edit {
         };
 
         // Mend the boxes: all of them, or those that few instances are in.
-        let instance =
-            |at: usize| placements.instances.at(before.leaf_instances[at] as usize).bounds;
+        let instance = |at: usize| placements.instances.at(at).bounds();
         let price = before.price.unwrap_or_else(|| price(&before.layout, &before.bounds));
         let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
         let touched = if few {
-            let moved = |at: usize| moved.binary_search(&before.leaf_instances[at]).is_ok();
+            let moved = |at: usize| moved.binary_search(&at).is_ok();
             touched(&before.layout, (before.bounds, price.areas), moved, instance)?
         } else {
             None
@@ -454,7 +453,6 @@ impl Edit {
             layout: swept.layout,
             bounds: swept.bounds,
             cover: swept.cover,
-            leaf_instances: before.leaf_instances.clone(),
             repeats: before.repeats || repeats,
             around_meshes: if alone { swept.bounds } else { around_meshes },
         };
@@ -470,7 +468,7 @@ fn moved(
     before: &Instances,
     after: &Instances,
     layout: &Layout,
-) -> Result<Result<Vec<u32>, Reason>, SceneError> {
+) -> Result<Result<Vec<usize>, Reason>, SceneError> {
     let mut moved = Vec::new();
     for (index, (old, new)) in before.blocks.iter().zip(&after.blocks).enumerate() {
         if Arc::ptr_eq(old, new) {
@@ -481,11 +479,12 @@ fn moved(
             if !new.structure.layout.is_as(layout) {
                 return Err(SceneError::MixedLayouts { instance });
             }
-            if old.bounds.is_empty() != new.bounds.is_empty() {
+            let [old, new] = [old.bounds(), new.bounds()];
+            if old.is_empty() != new.is_empty() {
                 return Ok(Err(Reason::Different));
             }
-            if old.bounds != new.bounds {
-                moved.push(instance as u32);
+            if old != new {
+                moved.push(instance);
             }
         }
     }
@@ -514,7 +513,6 @@ fn nothing_like(like: &Structure) -> Arc<Structure> {
         layout,
         bounds,
         cover: Vec::new(),
-        leaf_instances: Vec::new(),
         repeats: false,
         around_meshes: bounds,
     };

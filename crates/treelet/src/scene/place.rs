@@ -151,9 +151,9 @@ impl Located {
             block.reach = block.reach.union(&reach);
             block.paths = block.paths.saturating_add(structure.paths);
             block.repeats |= structure.repeats;
-            let rank = 0;
-            let placed =
-                Instance { structure, world_from_object, object_from_world, bounds, rank, mask };
+            let columns = Instance::columns(&object_from_world);
+            let (corners, rank) = (Instance::corners(&bounds), 0);
+            let placed = Instance { columns, corners, structure, rank, mask, world_from_object };
             block.items.push(placed);
         }
         Self::New { block, defects }
@@ -183,19 +183,21 @@ impl Located {
         for (at, instance) in block.items.iter_mut().enumerate() {
             instance.rank = next;
             next = next.saturating_add(instance.structure.paths);
-            if instance.bounds.is_empty() {
+            let bounds = instance.bounds();
+            if bounds.is_empty() {
                 continue;
             }
-            let map = &instance.object_from_world;
+            let map = &instance.object_from_world();
             // Not singular, or it would be nowhere.
             let exact = map.inverse_f64().unwrap_or_default();
             let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
             block.far_share = block.far_share.max(far_share);
-            instance.bounds = instance.bounds.widened(by);
-            if !is_near(&instance.bounds) {
-                let Aabb { lo, hi } = instance.bounds;
+            let bounds = bounds.widened(by);
+            instance.set_bounds(&bounds);
+            if !is_near(&bounds) {
+                let Aabb { lo, hi } = bounds;
                 defects.push((at, InstanceDefect::TooFar { lo, hi }));
-                instance.bounds = Aabb::EMPTY;
+                instance.set_bounds(&Aabb::EMPTY);
             }
         }
         block.near = near;

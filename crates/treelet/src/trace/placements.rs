@@ -13,20 +13,66 @@ use alloc::vec::Vec;
 pub(crate) const BLOCK: usize = 256;
 
 /// Another level, placed into this one.
+///
+/// What walks read are the first two cache lines, vectors as `x, y, z, z`:
+///
+/// | bytes    | field               |
+/// |----------|---------------------|
+/// | 0..64    | `columns`           |
+/// | 64..96   | `corners`           |
+/// | 96..104  | `structure`         |
+/// | 104..112 | `rank`              |
+/// | 112..116 | `mask`              |
+/// | 116..164 | `world_from_object` |
 #[derive(Clone, Debug)]
+#[repr(C, align(64))]
 pub(crate) struct Instance {
+    /// The map that rays go through, column by column.
+    pub(crate) columns: Columns,
+    /// Of the box around what is placed, in this level's space, widened as `slack` says; empty if
+    /// there is nothing in it.
+    pub(crate) corners: [[f32; 4]; 2],
     /// What is placed.
     pub(crate) structure: Arc<Structure>,
-    /// As the caller gave it.
-    pub(crate) world_from_object: Affine,
-    /// As rays are transformed.
-    pub(crate) object_from_world: Affine,
-    /// Around what is placed, in this level's space, widened as `slack` says; empty if there is
-    /// nothing in it.
-    pub(crate) bounds: Aabb,
     /// What this instance adds to the rank of the path that leads to this level.
     pub(crate) rank: u64,
     pub(crate) mask: u32,
+    /// As the caller gave it.
+    pub(crate) world_from_object: Affine,
+}
+
+const _: () = assert!(size_of::<Instance>() == 192);
+
+/// An affine map, column by column.
+pub(crate) type Columns = [[f32; 4]; 4];
+
+impl Instance {
+    /// `object_from_world` as columns.
+    pub(crate) fn columns(object_from_world: &Affine) -> Columns {
+        let [x, y, z] = object_from_world.0;
+        [0, 1, 2, 3].map(|column: usize| [x[column], y[column], z[column], z[column]])
+    }
+
+    /// The map that rays go through.
+    pub(crate) fn object_from_world(&self) -> Affine {
+        let [a, b, c, d] = &self.columns;
+        Affine([0, 1, 2].map(|row: usize| [a[row], b[row], c[row], d[row]]))
+    }
+
+    /// The box around what is placed.
+    pub(crate) fn bounds(&self) -> Aabb {
+        let [lo, hi] = self.corners.map(|[x, y, z, _]| [x, y, z]);
+        Aabb { lo, hi }
+    }
+
+    pub(crate) fn set_bounds(&mut self, bounds: &Aabb) {
+        self.corners = Self::corners(bounds);
+    }
+
+    /// A box as corners.
+    pub(crate) fn corners(bounds: &Aabb) -> [[f32; 4]; 2] {
+        [bounds.lo, bounds.hi].map(|[x, y, z]| [x, y, z, z])
+    }
 }
 
 /// A block, and what the level needs to know of it as a whole.

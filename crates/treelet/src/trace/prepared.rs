@@ -1,9 +1,10 @@
 //! A ray prepared for one level.
 
+use super::placements::Columns;
 use super::structure::Structure;
 use crate::bounds::{Interval, SlabRay};
 use crate::geometry::triangle::{Ordinary, TriangleRay};
-use crate::math::{Affine, Ray, ray};
+use crate::math::{Ray, ray};
 use crate::simd::{Floats, Four, Simd};
 
 /// Everything about a ray that does not change while it stays on a level.
@@ -33,13 +34,18 @@ impl Prepared {
     pub(crate) fn enter<S: Simd>(
         &self,
         simd: S,
-        object_from_world: &Affine,
+        columns: &Columns,
         clip: Interval,
         structure: &Structure,
     ) -> Option<Self> {
-        let origin = object_from_world.point(self.origin);
-        let direction = object_from_world.vector(self.direction);
-        Self::on_level(simd, origin, direction, clip, structure)
+        // As `Affine::point` and `Affine::vector` write it, a row a lane.
+        let column = |at: usize| S::F4::load(simd, &columns[at]);
+        let splat = |x: f32| S::F4::splat(simd, x);
+        let (a, b, c) = (column(0), column(1), column(2));
+        let through =
+            |[x, y, z]: [f32; 3]| a.mul(splat(x)).add(b.mul(splat(y))).add(c.mul(splat(z)));
+        let origin = through(self.origin).add(column(3));
+        Self::of_lanes(simd, origin, through(self.direction), clip, structure)
     }
 
     /// Asks what [`Ray::is_valid`] asks of origin and direction, and prepares.
@@ -53,6 +59,18 @@ impl Prepared {
     ) -> Option<Self> {
         let o = S::F4::load(simd, &[origin[0], origin[1], origin[2], 0.0]).xyzz();
         let d = S::F4::load(simd, &[direction[0], direction[1], direction[2], 0.0]).xyzz();
+        Self::of_lanes(simd, o, d, clip, structure)
+    }
+
+    /// The same of origin and direction as lanes, `x, y, z, z`.
+    #[inline(always)]
+    fn of_lanes<S: Simd>(
+        simd: S,
+        o: S::F4,
+        d: S::F4,
+        clip: Interval,
+        structure: &Structure,
+    ) -> Option<Self> {
         let usual = within(
             simd,
             o,
@@ -66,6 +84,8 @@ impl Prepared {
         let to_lo = S::F4::load(simd, lo).sub(o).abs();
         let to_hi = S::F4::load(simd, hi).sub(o).abs();
         let slack = structure.slack.at(simd, to_lo.max(to_hi).max_lane());
+        let ([x, y, z, _], [along_x, along_y, along_z, _]) = (o.lanes(), d.lanes());
+        let (origin, direction) = ([x, y, z], [along_x, along_y, along_z]);
         Some(Self {
             origin,
             direction,

@@ -1,6 +1,6 @@
 //! What a walk walks: one level of a scene, with the levels that its instances lead to.
 
-use super::placements::{Instance, Instances};
+use super::placements::Instances;
 use super::slack::Slack;
 use crate::bounds::Aabb;
 use crate::geometry::Mesh;
@@ -86,8 +86,6 @@ pub(crate) struct Structure {
     pub(crate) bounds: Aabb,
     /// The length of its diagonal.
     pub(crate) diagonal: f32,
-    /// Indices of instances, in the order of the leaves.
-    pub(crate) leaf_instances: Vec<u32>,
     /// A few boxes that together contain everything: tighter than one when they are transformed.
     pub(crate) cover: Vec<Aabb>,
     /// Contains everything, and the images of the reaches of all instances.
@@ -108,12 +106,6 @@ pub(crate) struct Structure {
 }
 
 impl Structure {
-    /// The instance that is entry `at` of the leaves' instances.
-    #[inline(always)]
-    pub(crate) fn leaf_instance(&self, at: usize) -> &Instance {
-        self.instances.at(self.leaf_instances[at] as usize)
-    }
-
     /// The geometry and the triangle in it that an id names.
     #[inline]
     pub(crate) fn name(&self, id: u32) -> (u32, u32) {

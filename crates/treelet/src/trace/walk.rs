@@ -16,7 +16,7 @@
 
 use super::counters::Count;
 use super::descent::{Descent, pop};
-use super::instance::{InstanceLeaf, Opened};
+use super::instance::InstanceLeaf;
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
@@ -26,7 +26,6 @@ use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
 use crate::memory::{Room, Stack};
 use crate::simd::{Kernel, Simd, Wide};
-use core::marker::PhantomData;
 use core::ops::ControlFlow;
 
 /// What a query makes of the hits that a walk finds.
@@ -66,7 +65,7 @@ pub(super) struct Frame<'a, K: Packing<W>, const W: usize> {
 }
 
 /// Saved levels that need no allocation.
-const FRAMES_NEAR: usize = 2;
+pub(super) const FRAMES_NEAR: usize = 2;
 /// Shows the visitor every hit of a ray that it could want, in no particular order.
 #[inline(always)]
 pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
@@ -151,27 +150,19 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 break;
             }
             let leaf = InstanceLeaf {
-                frame: &frame,
-                first,
-                count,
+                at: first - frame.wide.triangles,
+                frame: &mut frame,
+                frames: &mut frames,
                 ray,
                 t_max: visitor.t_max(),
                 counters: &mut *counters,
-                pending: PhantomData,
             };
-            match simd.call(leaf) {
-                Opened::Several(instances, count) => {
-                    instances.iter().take(count).for_each(|pending| stack.push(*pending));
-                    next = pop(visitor.t_max(), &mut stack, counters);
-                }
-                Opened::One(inner) => {
-                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                    frames.push(frame);
-                    next = inner.wide.root;
-                    frame = inner;
-                    break;
-                }
+            if simd.call(leaf) {
+                stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
+                next = frame.wide.root;
+                break;
             }
+            next = pop(visitor.t_max(), &mut stack, counters);
         }
     }
 }

@@ -81,15 +81,15 @@ impl<'a> BruteForce<'a> {
         while let Some((level, prepared, inst)) = open.pop() {
             self.test_level(level, &prepared, ray, inst, &mut hits);
             for instance in level.instances.iter() {
-                if instance.mask & ray.mask == 0 || instance.bounds.is_empty() {
+                if instance.mask & ray.mask == 0 || instance.bounds().is_empty() {
                     continue;
                 }
-                let clip = prepared.slab.interval(&instance.bounds).intersection(&prepared.clip);
+                let clip = prepared.slab.interval(&instance.bounds()).intersection(&prepared.clip);
                 if clip.is_empty() {
                     continue;
                 }
                 let inner = &*instance.structure;
-                let entered = prepared.enter(Scalar, &instance.object_from_world, clip, inner);
+                let entered = prepared.enter(Scalar, &instance.columns, clip, inner);
                 open.extend(entered.map(|prepared| (inner, prepared, inst + instance.rank)));
             }
         }

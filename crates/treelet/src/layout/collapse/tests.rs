@@ -72,7 +72,8 @@ fn inside(tree: &Tree, node: usize) -> (usize, [bool; 2]) {
 
 fn fits(tree: &Tree, node: usize) -> bool {
     let (entries, kinds) = inside(tree, node);
-    entries <= LEAF_MAX && kinds != [true, true]
+    let is_leaf = matches!(tree.nodes[node].kind(), Kind::Leaf { .. });
+    entries <= LEAF_MAX && (is_leaf || kinds == [true, false])
 }
 
 /// The cheapest single node or leaf, from every way to cut the subtree into up to `W` parts.

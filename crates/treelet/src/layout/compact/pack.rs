@@ -69,16 +69,16 @@ impl Wide<WIDTH> {
         is_triangles.then(|| Leaf::new(<Plain as Packing<WIDTH>>::leaf(&self.words, first), count))
     }
 
-    /// Instances behind all children.
+    /// One more than the greatest number of an instance.
     fn instances(&self) -> usize {
         let children = self.nodes.iter().flat_map(|node| node.children).chain([self.root]);
-        let count = |child: Child| match child.kind() {
-            ChildKind::Leaf { first, count } if child != Child::END && first >= self.triangles => {
-                count
+        let end = |child: Child| match child.kind() {
+            ChildKind::Leaf { first, count } if child != Child::END => {
+                (first + count).saturating_sub(self.triangles)
             }
             _ => 0,
         };
-        children.map(count).sum()
+        children.map(end).max().unwrap_or(0)
     }
 }
 
@@ -150,7 +150,7 @@ mod tests {
     use crate::geometry::mesh::COORDINATE_MAX;
     use crate::layout::Collapse;
     use crate::layout::compact::Random;
-    use crate::layout::lower::{Packed, lower, split_leaves};
+    use crate::layout::lower::{Packed, Placed, lower, split_leaves};
     use crate::layout::packing::{Block, Packing};
     use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Plain};
     use crate::simd::Scalar;
@@ -185,8 +185,10 @@ mod tests {
                 };
                 let tree = split_leaves(tree, &bounds, count);
                 let cancel = Cancel::default();
-                let wide = lower::<WIDTH>(&tree, count as u32, &source, Collapse::Optimal, &cancel);
-                let wide = wide.unwrap().wide;
+                let numbers: Vec<u32> = (0..instances as u32).map(|at| 3 * at).collect();
+                let placed = Placed { first: count as u32, numbers: &numbers };
+                let wide = lower::<WIDTH>(&tree, placed, &source, Collapse::Optimal, &cancel);
+                let wide = wide.unwrap();
                 let compact = pack(&wide, &cancel).unwrap();
                 let leaves = |child: Child, packed: Child| match (child.kind(), packed.kind()) {
                     _ if child == Child::END => assert_eq!(packed, Child::END),
