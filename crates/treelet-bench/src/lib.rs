@@ -11,7 +11,9 @@
 pub mod check;
 pub mod crew;
 pub mod engine;
+pub mod figure;
 pub mod marks;
+pub mod page;
 pub mod peak;
 pub mod rays;
 pub mod report;

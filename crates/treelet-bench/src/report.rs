@@ -1,6 +1,6 @@
 //! What a bench found, in the form that `--json` prints.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use crate::engine::Api;
 use crate::rays::Kind;
@@ -26,7 +26,7 @@ pub struct Report {
 }
 
 /// Where and how it was measured.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
     /// The processor's name.
     pub processor: String,
@@ -39,7 +39,7 @@ pub struct Machine {
     /// What the system says about them: `always`, `madvise` or `never`; `unknown` where it does not.
     pub huge_pages_system: String,
     /// `wall`, or `processor`: with one thread, time that the processor spent.
-    pub clock: &'static str,
+    pub clock: String,
     /// Rounds that count.
     pub rounds: usize,
     /// Seconds of a cell in a round, at least.
@@ -56,7 +56,7 @@ pub struct EngineLine {
 }
 
 /// An engine that did not.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Missing {
     /// Its name.
     pub name: String,

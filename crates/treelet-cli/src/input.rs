@@ -7,7 +7,7 @@ use clap::{Args, ValueEnum};
 use treelet::bounds::Aabb;
 use treelet::{BuildOptions, Context};
 use treelet_import::Fault;
-use treelet_model::{Model, PlaceError, PlacedModel};
+use treelet_model::{Changes, Model, PlaceError, PlacedModel};
 
 use crate::ending::Failure;
 use crate::progress::{Line, Stages};
@@ -169,11 +169,32 @@ impl Input {
         options: &BuildOptions<'_>,
         session: &Session,
     ) -> Result<PlacedModel, Failure> {
+        self.build_by(options, session, |options| PlacedModel::build(&self.model, options))
+    }
+
+    /// Builds what changed since an earlier build.
+    pub(crate) fn update(
+        &self,
+        placed: &PlacedModel,
+        changes: &Changes,
+        options: &BuildOptions<'_>,
+        session: &Session,
+    ) -> Result<PlacedModel, Failure> {
+        self.build_by(options, session, |options| placed.updated(&self.model, changes, options))
+    }
+
+    /// Builds, watched and so that it can be stopped.
+    fn build_by(
+        &self,
+        options: &BuildOptions<'_>,
+        session: &Session,
+        build: impl FnOnce(&BuildOptions<'_>) -> Result<PlacedModel, PlaceError>,
+    ) -> Result<PlacedModel, Failure> {
         let stages = Stages::new("building");
         let watch = |progress| stages.watch(progress);
         let context = Context { cancel: session.cancel.clone(), progress: Some(&watch) };
         let options = BuildOptions { context, ..options.clone() };
-        PlacedModel::build(&self.model, &options).map_err(|error: PlaceError| {
+        build(&options).map_err(|error: PlaceError| {
             if error.is_cancelled() { Failure::Cancelled } else { Failure::from(error) }
         })
     }

@@ -33,7 +33,7 @@ pub(crate) fn shell_word(path: &Path) -> String {
 pub(crate) fn things(number: u64, thing: &str) -> String {
     let plural = match thing {
         "vertex" => "vertices".to_owned(),
-        thing if thing.ends_with('s') => format!("{thing}es"),
+        thing if thing.ends_with('s') || thing.ends_with("sh") => format!("{thing}es"),
         thing => format!("{thing}s"),
     };
     format!("{} {}", count(number), if number == 1 { thing } else { &plural })

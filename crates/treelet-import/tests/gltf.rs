@@ -155,8 +155,7 @@ fn what_is_left_out_is_named() {
     let got = check("a.glb", square_glb(r#"{"mesh":0}"#, extra), &[LOWER, UPPER]);
     let want = [
         "Extensions are not read: KHR_materials_sheen, VENDOR_x.",
-        "Animations are kept, not played; nodes stand as the file has them.",
-        "Skins are not read; meshes stand as their nodes place them.",
+        "1 skin is not used, and meshes stand as their nodes place them: skin 0 has no joints.",
     ];
     assert_eq!(got.warnings, want);
 }

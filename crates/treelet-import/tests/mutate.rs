@@ -11,6 +11,7 @@ use std::panic::AssertUnwindSafe;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
+use common::doc::Doc;
 use common::packing::{EXT, KHR, attributes, packed, sequence};
 use common::{SQUARE_OBJ, SQUARE_PLY, binary_ply, binary_stl, le, square_glb, square_json};
 use peak_alloc::PeakAlloc;
@@ -150,10 +151,34 @@ fn gltf() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         ("a.glb", square_glb(nodes, extra)),
         ("a.gltf", sparse.into()),
+        ("a.glb", bending()),
         ("a.glb", square_glb(copies, "")),
         ("a.glb", meshopt(EXT, None, "TRIANGLES", &triangles, 2, 12)),
         ("a.glb", meshopt(KHR, Some(&[0, 1, 0x42]), "INDICES", &index, 4, 6)),
     ]
+}
+
+/// A triangle that follows two joints and has a morph target, and a clip that moves all of that.
+fn bending() -> Vec<u8> {
+    let mut doc = Doc::default();
+    let mesh = doc.vec3(&common::LOWER);
+    let up = doc.sparse_vec3(3, 2, [0.0, 0.0, 1.0]);
+    let joints = doc.joints(&[[0, 1, 0, 0]; 3]);
+    let weights = doc.vec4(&[[0.5, 0.5, 0.0, 0.0]; 3]);
+    let bind = doc.translations(&[[0.0; 3], [0.0, -1.0, 0.0]]);
+    let times = doc.scalars(&[0.0, 1.0]);
+    let turns = doc.vec4(&[[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, 1.0, 0.0]]);
+    let keys = doc.scalars(&[0.0, 0.0, 1.0, 1.0, 0.0, 0.0]);
+    doc.glb(&format!(
+        r#""nodes":[{{"mesh":0,"skin":0,"weights":[0.5]}},{{"children":[2]}},{{"scale":[1,2,1]}}],
+        "skins":[{{"joints":[1,2],"inverseBindMatrices":{bind}}}],"meshes":[{{"primitives":[{{
+        "attributes":{{"POSITION":{mesh},"JOINTS_0":{joints},"WEIGHTS_0":{weights}}},
+        "targets":[{{"POSITION":{up}}}]}}]}}],"animations":[{{"channels":[
+        {{"sampler":0,"target":{{"node":2,"path":"rotation"}}}},
+        {{"sampler":1,"target":{{"node":0,"path":"weights"}}}}],"samplers":[
+        {{"input":{times},"output":{turns}}},
+        {{"input":{times},"output":{keys},"interpolation":"CUBICSPLINE"}}]}}]"#
+    ))
 }
 
 fn ply() -> Vec<(&'static str, Vec<u8>)> {
@@ -245,9 +270,13 @@ fn attack(format: u64, files: Vec<(&'static str, Vec<u8>)>) {
         assert!(taken <= MAX_BYTES as usize + BESIDE, "{taken} bytes; {}", which());
         assert!(start.elapsed().as_secs() < SECONDS_MAX, "{:?}; {}", start.elapsed(), which());
         match result {
-            Ok(Ok(model)) => {
+            Ok(Ok(mut model)) => {
                 read[file] += 1;
                 check_references(&model);
+                if let Some(clip) = model.animations.len().checked_sub(1) {
+                    assert!(model.pose(Some(clip), 0.5).is_ok(), "{}", which());
+                    check_references(&model);
+                }
             }
             Ok(Err(error)) => {
                 refused[file] += 1;

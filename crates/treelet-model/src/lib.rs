@@ -14,7 +14,7 @@ pub mod placed;
 pub mod sky;
 pub mod texture;
 
-pub use animation::Animation;
+pub use animation::{Animation, Changes, PoseError, Rig};
 pub use camera::{Camera, Lens, View};
 pub use decode::ImageError;
 pub use light::{Environment, Light, LightKind};
@@ -52,8 +52,10 @@ pub struct Model {
     pub scene: usize,
     /// The axis (0, 1, 2) that points up, where the format says so.
     pub up: Option<usize>,
-    /// Clips, for later.
+    /// Clips; [`Model::pose`] plays them.
     pub animations: Vec<Animation>,
+    /// What clips move, and how; empty where nothing can move.
+    pub rig: Rig,
     /// What was read but not understood, each thing once, in whole sentences.
     pub warnings: Vec<String>,
 }

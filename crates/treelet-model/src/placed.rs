@@ -1,6 +1,6 @@
 //! A model made ready for rays.
 
-use crate::{Model, Part, Placement};
+use crate::{Changes, Model, Part, Placement};
 use treelet::context::Context;
 use treelet::math::Affine;
 use treelet::{BuildOptions, BuildReport, Hit, Pilot, Quality, Scene, SceneError};
@@ -78,8 +78,45 @@ impl PlacedModel {
     ///
     /// An index that leads nowhere, or whatever building a scene refuses, with the object's name.
     pub fn build(model: &Model, options: &BuildOptions<'_>) -> Result<Self, PlaceError> {
+        Self::assemble(model, vec![None; model.objects.len()], options)
+    }
+
+    /// The scenes of a model that was built before and has been posed since: objects that kept their
+    /// shape keep their trees.
+    ///
+    /// `changes` must be what changed since the build. What is answered, by this and by a fresh
+    /// build, is the same. Objects in a new shape are built anew, so is the scene of instances if
+    /// anything changed; if nothing did, nothing is built.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`PlacedModel::build`].
+    pub fn updated(
+        &self,
+        model: &Model,
+        changes: &Changes,
+        options: &BuildOptions<'_>,
+    ) -> Result<Self, PlaceError> {
+        if changes.keeps_geometry() {
+            return Ok(self.clone());
+        }
+        let mut objects = self.objects.clone();
+        objects.resize(model.objects.len(), None);
+        for &object in &changes.objects {
+            if let Some(scene) = objects.get_mut(object) {
+                *scene = None;
+            }
+        }
+        Self::assemble(model, objects, options)
+    }
+
+    /// Builds what is missing of the objects, and places them.
+    fn assemble(
+        model: &Model,
+        mut objects: Vec<Option<Scene>>,
+        options: &BuildOptions<'_>,
+    ) -> Result<Self, PlaceError> {
         check_indices(model)?;
-        let mut objects: Vec<Option<Scene>> = vec![None; model.objects.len()];
         for placement in &model.placements {
             let object = placement.object;
             if objects[object].is_none() {

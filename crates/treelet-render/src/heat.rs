@@ -18,8 +18,8 @@ pub(crate) enum Ramp {
     Near,
 }
 
-/// Way points of [`Ramp::Heat`], sRGB, of evenly rising lightness.
-const HEAT: [[f32; 3]; 7] = [
+/// Way points of the colours of heat maps, evenly spaced, sRGB, of evenly rising lightness.
+pub const HEAT: [[f32; 3]; 7] = [
     [0.0, 0.0, 16.0],
     [38.0, 20.0, 104.0],
     [122.0, 28.0, 120.0],
@@ -43,6 +43,11 @@ impl Ramp {
         };
         rgb.map(|c| (c + 0.5) as u8)
     }
+}
+
+/// The colour of heat maps at a place of its scale, `0 ..= 1`, sRGB.
+pub fn heat_color(place: f32) -> [u8; 3] {
+    Ramp::Heat.color(place)
 }
 
 /// The colour of pixels that have no number.

@@ -44,6 +44,7 @@ pub use denoise::denoise;
 pub use error::RenderError;
 pub use exr::{encode_exr, encode_hdr};
 pub use film::Film;
+pub use heat::{HEAT, heat_color};
 pub use image::Image;
 pub use layers::Layers;
 pub use renderer::{PassStats, Renderer};

@@ -11,9 +11,10 @@
 
 use treelet::build;
 use treelet::layout;
+use treelet::optimize::Optimizer;
 use treelet::scene::{LayoutChoice, Recipe};
 use treelet::simd::Level;
-use treelet::{BuildOptions, Hit, Mesh, Quality, Ray, Scene};
+use treelet::{BuildOptions, Context, Hit, Mesh, Quality, Ray, Scene};
 
 use crate::engine::{
     Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
@@ -99,6 +100,11 @@ impl Engine for Treelet {
     }
 }
 
+/// A scene that stands already, as the engine's own.
+pub(crate) fn built(scene: Scene, triangles: &Triangles) -> Box<dyn Built> {
+    Box::new(TreeletScene { scene, is_default: false, shared: triangles.bytes() })
+}
+
 /// The layouts by name.
 fn layouts() -> impl Iterator<Item = (&'static str, LayoutChoice)> {
     layout::ALL.iter().map(|info| info.name).zip(LayoutChoice::ALL.iter().copied())
@@ -127,10 +133,23 @@ fn wish(variant: &str) -> Option<Wish> {
 
 /// A scene of these triangles, built as the variant's name says.
 pub(crate) fn scene(variant: &str, triangles: &Triangles) -> Result<Scene, EngineError> {
+    scene_with(variant, triangles, &[], Context::default())
+}
+
+/// The same, stopped and watched by its caller, with more optimisers at the end.
+pub(crate) fn scene_with(
+    variant: &str,
+    triangles: &Triangles,
+    more: &[&dyn Optimizer],
+    context: Context<'_>,
+) -> Result<Scene, EngineError> {
     let Wish { recipe, layout, level } = wish(variant)
         .ok_or_else(|| EngineError::Missing(format!("treelet has no variant `{variant}`")))?;
     let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
-    let options = BuildOptions { layout, level, ..recipe.options() };
+    let own = recipe.options().plan().optimizers;
+    let optimizers: Vec<_> = own.iter().chain(more).copied().collect();
+    let optimizers = Some(&*optimizers);
+    let options = BuildOptions { layout, level, optimizers, context, ..recipe.options() };
     let scene = Scene::builder().mesh(mesh).build(&options);
     scene.map_err(|error| EngineError::Refused(error.to_string()))
 }

@@ -13,11 +13,11 @@ const BUILD_SECONDS: f64 = 12.0;
 const BUILDS_LEAST: usize = 3;
 
 /// A built variant, and whose it is.
-pub(super) struct Contender {
-    pub(super) engine: String,
-    pub(super) variant: String,
-    pub(super) calls: Vec<Call>,
-    pub(super) built: Box<dyn Built>,
+pub(crate) struct Contender {
+    pub(crate) engine: String,
+    pub(crate) variant: String,
+    pub(crate) calls: Vec<Call>,
+    pub(crate) built: Box<dyn Built>,
 }
 
 /// What building gave.
@@ -135,7 +135,7 @@ fn line(
 }
 
 /// Builds once, on the threads that the engine wants.
-fn timed_build(
+pub(crate) fn timed_build(
     engine: &dyn Engine,
     variant: &str,
     triangles: &Triangles,

@@ -55,6 +55,9 @@ pub enum BenchError {
         /// What there is.
         known: String,
     },
+    /// The file of a figure's pieces.
+    #[error(transparent)]
+    State(#[from] crate::figure::StateError),
     /// Somebody pressed Ctrl-C.
     #[error("cancelled")]
     Cancelled,

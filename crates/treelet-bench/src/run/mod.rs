@@ -1,9 +1,9 @@
 //! One scene through every engine: build, check, trace in turn.
 
-mod builds;
+pub(crate) mod builds;
 mod error;
 mod plan;
-mod traces;
+pub(crate) mod traces;
 
 pub use error::BenchError;
 pub use plan::{Plan, Subject, Watcher};
@@ -60,7 +60,7 @@ pub fn scene(
 }
 
 /// The rays, made of what treelet sees; and that it sees what brute force does.
-fn checked<'a>(
+pub(crate) fn checked<'a>(
     subject: &'a Subject,
     plan: &Plan,
     watcher: &dyn Watcher,
@@ -117,11 +117,16 @@ fn trace(
     Ok(())
 }
 
-fn stop(watcher: &dyn Watcher) -> Result<(), BenchError> {
+pub(crate) fn stop(watcher: &dyn Watcher) -> Result<(), BenchError> {
     if watcher.stopped() { Err(BenchError::Cancelled) } else { Ok(()) }
 }
 
-fn engine_error(subject: &Subject, engine: &str, variant: &str, error: EngineError) -> BenchError {
+pub(crate) fn engine_error(
+    subject: &Subject,
+    engine: &str,
+    variant: &str,
+    error: EngineError,
+) -> BenchError {
     BenchError::Engine {
         engine: engine.to_owned(),
         variant: variant.to_owned(),

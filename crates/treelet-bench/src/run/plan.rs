@@ -59,7 +59,7 @@ impl Plan {
     }
 
     /// Which of an engine's variants are measured.
-    pub(super) fn variants_of(&self, engine: &dyn Engine) -> Vec<String> {
+    pub(crate) fn variants_of(&self, engine: &dyn Engine) -> Vec<String> {
         let asked = self.asked(engine);
         if asked.is_empty() {
             return engine.usual_variants();
@@ -79,7 +79,7 @@ impl Plan {
     }
 
     /// Every variant that was asked for must be one that some engine has.
-    pub(super) fn check_variants(&self, engines: &[Box<dyn Engine>]) -> Result<(), BenchError> {
+    pub(crate) fn check_variants(&self, engines: &[Box<dyn Engine>]) -> Result<(), BenchError> {
         for (is_ours, asked) in [(true, &self.builders), (false, &self.variants)] {
             let side = || engines.iter().filter(|engine| (engine.name() == ours::NAME) == is_ours);
             for name in asked {

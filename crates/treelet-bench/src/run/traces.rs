@@ -14,13 +14,13 @@ use crate::rounds::{Work, measure};
 use crate::stats::{median, spread};
 
 /// Rays of one kind in one order, for all contenders.
-pub(super) struct Group<'a> {
-    pub(super) subject: &'a Subject,
-    pub(super) plan: &'a Plan,
-    pub(super) crew: &'a Crew,
-    pub(super) kind: Kind,
-    pub(super) order: Order,
-    pub(super) rays: &'a [Ray],
+pub(crate) struct Group<'a> {
+    pub(crate) subject: &'a Subject,
+    pub(crate) plan: &'a Plan,
+    pub(crate) crew: &'a Crew,
+    pub(crate) kind: Kind,
+    pub(crate) order: Order,
+    pub(crate) rays: &'a [Ray],
 }
 
 /// A contender, a way to hand it the rays, and how wide.
@@ -32,7 +32,7 @@ struct Cell<'a> {
 
 impl Group<'_> {
     /// Checks every answer, then measures all in turn.
-    pub(super) fn trace(
+    pub(crate) fn trace(
         &self,
         contenders: &[Contender],
         watcher: &dyn Watcher,

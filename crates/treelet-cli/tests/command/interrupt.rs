@@ -103,3 +103,25 @@ fn layers_that_were_not_made_are_named() {
         assert!(!names.is_empty() && run.stderr.contains(&told), "{}", run.stderr);
     }
 }
+
+#[test]
+fn frames_that_are_there_are_whole() {
+    let folder = Folder::new();
+    crate::frames::write_scene(&folder);
+    let line =
+        "render scene.gltf --size 64x48 --frames 0..9999 --spp 1 --video c.png -o f.#.png --json";
+    let started = Started::until(&folder, line, "frame 2 ");
+    started.interrupt();
+    let json = started.finish().ends(130).json("render");
+    let made = json["frames"].as_array().unwrap();
+    assert!(made.len() >= 3 && made.len() == json["poses"].as_array().unwrap().len(), "{json}");
+    for name in made {
+        assert_whole_png(&folder.read(name.as_str().unwrap()));
+    }
+    // The video holds as many, and nothing half-made is left.
+    let decoder = png::Decoder::new(std::io::Cursor::new(folder.read("c.png")));
+    let reader = decoder.read_info().unwrap();
+    let control = reader.info().animation_control().unwrap();
+    assert_eq!(control.num_frames as usize, made.len());
+    assert_eq!(folder.files().len(), made.len() + 3, "{:?}", folder.files());
+}

@@ -3,8 +3,11 @@
 mod bench;
 mod choice;
 mod errors;
+mod figure;
+mod frames;
 mod interrupt;
 mod kit;
 mod measures;
+mod page;
 mod render;
 mod reports;

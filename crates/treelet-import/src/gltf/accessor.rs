@@ -3,6 +3,8 @@
 //! Integers where floats are expected are what `KHR_mesh_quantization` allows; they are read whether
 //! a file names that extension or not.
 
+use treelet_model::animation::transform::Rows;
+
 use crate::error::{DAMAGED, Place, Result};
 use crate::source::Source;
 
@@ -24,6 +26,9 @@ const SHORT: u32 = 5122;
 const UNSIGNED_SHORT: u32 = 5123;
 const UNSIGNED_INT: u32 = 5125;
 const FLOAT: u32 = 5126;
+
+/// Bytes of the largest element: sixteen floats.
+const LARGEST: usize = 64;
 
 /// Elements of a view, so far apart; the last may be shorter than the distance.
 struct Elements<'s> {
@@ -98,6 +103,20 @@ impl<'s> Accessors<'s, '_> {
         }
     }
 
+    /// Affine matrices, as rows; their last row, 0 0 0 1, is not looked at.
+    pub(super) fn matrices(&self, index: usize, what: &'static str) -> Result<Vec<Rows>> {
+        let accessor = self.accessor(index)?;
+        if (accessor.shape.as_str(), accessor.component_type) != ("MAT4", FLOAT) {
+            return Err(self.wrong_type(index, accessor, "MAT4 of FLOAT", what));
+        }
+        self.read(index, accessor, LARGEST, what, |bytes| {
+            let entries: [f32; 16] = lanes(bytes, f32::from_le_bytes);
+            // Column after column.
+            let at = |row: usize, column: usize| f64::from(entries[4 * column + row]);
+            [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| at(row, column)))
+        })
+    }
+
     fn accessor(&self, index: usize) -> Result<&'s Accessor> {
         let all = &self.root.accessors;
         all.get(index).ok_or_else(|| {
@@ -129,7 +148,7 @@ impl<'s> Accessors<'s, '_> {
             // A sparse accessor may start from zeros.
             None if accessor.sparse.is_some() => {
                 let count = usize::try_from(count).unwrap_or(usize::MAX);
-                let zero = convert(&[0; 4 * 4][..size]);
+                let zero = convert(&[0; LARGEST][..size]);
                 self.source.whole(self.source.budget.filled(zero, count, what))?
             }
             None => {

@@ -1,9 +1,9 @@
-//! Animations, read and kept for later.
+//! Animations: their channels, checked, so that playing them cannot go wrong.
 
 use treelet_model::Animation;
 use treelet_model::animation::{Channel, Interpolation, Property};
 
-use crate::error::Result;
+use crate::error::{Result, counted};
 
 use super::accessor::Accessors;
 use super::json::{self, Node};
@@ -34,7 +34,11 @@ pub(super) fn read_all(
         accessors.source.push(&mut clips, clip, "animations")?;
     }
     if left_out > 0 {
-        warnings.push(format!("{left_out} channels of animations are not read."));
+        let channels = counted(left_out, "channel of animations is", "channels of animations are");
+        warnings.push(format!(
+            "{channels} left out: nothing of a node is named that can move, or the keys are not \
+             finite, rising and complete."
+        ));
     }
     Ok(clips)
 }
@@ -84,7 +88,9 @@ fn read_channel(
     else {
         return Ok(None);
     };
-    if node >= root.nodes.len() {
+    // Nodes with a matrix have no parts that could move.
+    let moves_parts = channel.target.path != "weights";
+    if root.nodes.get(node).is_none_or(|node| moves_parts && node.matrix.is_some()) {
         return Ok(None);
     }
     const WHAT: &str = "animations";
@@ -113,7 +119,9 @@ fn read_channel(
     };
     let per_key =
         property.components() * if interpolation == Interpolation::CubicSpline { 3 } else { 1 };
-    if times.is_empty() || values.len() != per_key * times.len() {
+    let is_whole = !times.is_empty() && values.len() == per_key * times.len();
+    let is_finite = times.iter().chain(&values).all(|x| x.is_finite());
+    if per_key == 0 || !is_whole || !is_finite || !times.is_sorted() {
         return Ok(None);
     }
     let path = path(&root.nodes, parents, node);

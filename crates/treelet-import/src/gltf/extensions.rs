@@ -3,7 +3,7 @@
 use crate::error::{Fault, Place, Result, clip};
 use crate::source::Source;
 
-use super::json::{Mesh, Root};
+use super::json::Root;
 
 /// An extension that is known and not read, and how to get rid of it.
 struct Unread {
@@ -89,16 +89,5 @@ pub(super) fn collect_warnings(root: &Root, warnings: &mut Vec<String>) {
     let scenes = root.scenes.len();
     if scenes > 1 {
         warnings.push(format!("The file has {scenes} scenes; one of them is read."));
-    }
-    if !root.animations.is_empty() {
-        warnings
-            .push("Animations are kept, not played; nodes stand as the file has them.".to_owned());
-    }
-    if !root.skins.is_empty() {
-        warnings.push("Skins are not read; meshes stand as their nodes place them.".to_owned());
-    }
-    let has_targets = |mesh: &Mesh| mesh.primitives.iter().any(|p| !p.targets.is_empty());
-    if root.meshes.iter().any(has_targets) {
-        warnings.push("Morph targets are not read; meshes have their base shape.".to_owned());
     }
 }

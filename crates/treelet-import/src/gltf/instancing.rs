@@ -1,10 +1,11 @@
 //! `EXT_mesh_gpu_instancing`: where the copies of a node's mesh stand.
 
+use treelet_model::animation::transform::{self, Rows};
+
 use crate::error::{Place, Result};
 
 use super::accessor::Accessors;
 use super::json::Instancing;
-use super::nodes::{self, Rows};
 
 /// The transform of each copy against its node.
 pub(super) fn read(
@@ -36,7 +37,7 @@ pub(super) fn read(
         let t = translations.as_ref().map_or([0.0; 3], |t| t[i].map(f64::from));
         let r = rotations.as_ref().map_or([0.0, 0.0, 0.0, 1.0], |r| r[i].map(f64::from));
         let s = scales.as_ref().map_or([1.0; 3], |s| s[i].map(f64::from));
-        copies.push(nodes::transform(t, r, s));
+        copies.push(transform::parts(t, r, s));
     }
     Ok(copies)
 }

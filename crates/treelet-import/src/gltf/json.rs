@@ -38,7 +38,7 @@ pub(super) struct Root {
     pub(super) samplers: Vec<Sampler>,
     pub(super) textures: Vec<Texture>,
     pub(super) extensions: RootExtensions,
-    pub(super) skins: Vec<IgnoredAny>,
+    pub(super) skins: Vec<Skin>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -61,6 +61,9 @@ pub(super) struct Node {
     pub(super) children: Vec<usize>,
     pub(super) mesh: Option<usize>,
     pub(super) camera: Option<usize>,
+    pub(super) skin: Option<usize>,
+    /// Of morph targets, instead of the mesh's.
+    pub(super) weights: Option<Vec<f32>>,
     // Boxed: most of a hundred thousand nodes have one of them at most.
     pub(super) matrix: Option<Box<[f64; 16]>>,
     pub(super) translation: Option<Box<[f64; 3]>>,
@@ -105,6 +108,24 @@ pub(super) struct InstanceAttributes {
 pub(super) struct Mesh {
     pub(super) name: String,
     pub(super) primitives: Vec<Primitive>,
+    /// Of morph targets.
+    pub(super) weights: Vec<f32>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "camelCase", default)]
+pub(super) struct Skin {
+    pub(super) inverse_bind_matrices: Option<usize>,
+    pub(super) joints: Vec<usize>,
+}
+
+/// Accessors of a morph target.
+#[derive(Debug, Default, Deserialize)]
+#[serde(rename_all = "UPPERCASE", default)]
+pub(super) struct MorphTarget {
+    pub(super) position: Option<usize>,
+    pub(super) normal: Option<usize>,
+    pub(super) tangent: Option<usize>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -114,7 +135,7 @@ pub(super) struct Primitive {
     pub(super) indices: Option<usize>,
     pub(super) material: Option<usize>,
     pub(super) mode: u32,
-    pub(super) targets: Vec<IgnoredAny>,
+    pub(super) targets: Vec<MorphTarget>,
     pub(super) extensions: PrimitiveExtensions,
 }
 
@@ -156,6 +177,10 @@ pub(super) struct Attributes {
     pub(super) texcoord_2: Option<usize>,
     pub(super) texcoord_3: Option<usize>,
     pub(super) color_0: Option<usize>,
+    pub(super) joints_0: Option<usize>,
+    pub(super) joints_1: Option<usize>,
+    pub(super) weights_0: Option<usize>,
+    pub(super) weights_1: Option<usize>,
 }
 
 #[derive(Debug, Default, Deserialize)]

@@ -17,7 +17,7 @@ use super::json::{Mesh, Primitive, Root, mode};
 pub(super) struct Meshes<'s, 'a> {
     source: &'s Source<'a>,
     root: &'s Root,
-    accessors: Accessors<'s, 'a>,
+    pub(super) accessors: Accessors<'s, 'a>,
     /// Object of each mesh that was read.
     objects: HashMap<usize, usize>,
     positions: HashMap<usize, Array<[f32; 3]>>,
@@ -52,20 +52,29 @@ impl<'s, 'a> Meshes<'s, 'a> {
         if let Some(&object) = self.objects.get(&mesh) {
             return Ok(object);
         }
+        let (read, _) = self.read(mesh, model)?;
+        let object = model.objects.len();
+        model.objects.push(read);
+        self.objects.insert(mesh, object);
+        Ok(object)
+    }
+
+    /// A mesh, read now, and the primitive that each of its parts comes from.
+    pub(super) fn read(&mut self, mesh: usize, model: &Model) -> Result<(Object, Vec<usize>)> {
         self.source.check_cancelled()?;
         let Some(json) = self.root.meshes.get(mesh) else {
             let found = format!("is named, but there are {}", self.root.meshes.len());
             return Err(self.source.broken(super::item("mesh", mesh, ""), found, super::INVALID));
         };
-        let mut parts = Vec::new();
+        let (mut parts, mut primitives) = (Vec::new(), Vec::new());
         for (index, primitive) in json.primitives.iter().enumerate() {
             let place = primitive_place(mesh, json, index);
-            parts.extend(self.part(primitive, place, model)?);
+            if let Some(part) = self.part(primitive, place, model)? {
+                parts.push(part);
+                primitives.push(index);
+            }
         }
-        let object = model.objects.len();
-        model.objects.push(Object { name: json.name.clone(), parts });
-        self.objects.insert(mesh, object);
-        Ok(object)
+        Ok((Object { name: json.name.clone(), parts }, primitives))
     }
 
     /// What was left out or mended.
@@ -245,7 +254,7 @@ impl<'s, 'a> Meshes<'s, 'a> {
     }
 }
 
-fn primitive_place(mesh: usize, json: &Mesh, index: usize) -> Place {
+pub(super) fn primitive_place(mesh: usize, json: &Mesh, index: usize) -> Place {
     match super::item("mesh", mesh, &json.name) {
         Place::Element(name) => Place::Element(format!("{name}, primitive {index}")),
         other => other,

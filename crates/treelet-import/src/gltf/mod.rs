@@ -2,9 +2,9 @@
 //!
 //! After the Khronos Group's "glTF 2.0 Specification", version 2.0.1. Read are the node graph, meshes
 //! of triangles, strips and fans with all that stands beside their vertices, cameras, materials with
-//! their textures, lights and animations, which are kept; skins and morph targets are named in
-//! warnings. Every node with a mesh becomes a placement; a mesh becomes an object when the first node
-//! places it.
+//! their textures, lights, and what moves: animations, skins and morph targets. Every node with a mesh
+//! becomes a placement; a mesh becomes an object when the first node places it, and one that bends
+//! becomes an object for each node (`rig.rs`). The model is as the file shows it when nothing plays.
 //!
 //! The reader takes the few JSON structures that it needs with `serde`, rather than a glTF library:
 //! the kept one sees little upkeep, refuses some files that others open, and does not decompress.
@@ -23,6 +23,9 @@ mod material;
 mod meshes;
 mod meshopt;
 mod nodes;
+mod rig;
+mod shapes;
+mod skins;
 mod textures;
 mod views;
 
@@ -63,12 +66,12 @@ impl Importer for Gltf {
         let buffers = Buffers::open(source, &root, parts.binary)?;
         let views = Views::open(source, &root, &buffers)?;
         let accessors = Accessors { source, root: &root, views: &views };
-        let walk = nodes::walk(&accessors, &mut warnings)?;
+        let mut walk = nodes::walk(&accessors, &mut warnings)?;
 
         // Read each mesh once, when the first node places it.
         let mut model = Model {
-            cameras: walk.cameras,
-            lights: walk.lights,
+            cameras: std::mem::take(&mut walk.cameras),
+            lights: std::mem::take(&mut walk.lights),
             scenes: root.scenes.iter().map(|scene| scene.name.clone()).collect(),
             scene: walk.scene,
             up: Some(1),
@@ -79,12 +82,11 @@ impl Importer for Gltf {
         warnings.extend(textures.warnings());
         model.images = textures.images;
         model.animations = animations::read_all(&accessors, &mut warnings)?;
-        let mut meshes = meshes::Meshes::new(accessors);
-        for (mesh, world_from_object) in walk.placed {
-            let object = meshes.object(mesh, &mut model)?;
-            model.placements.push(treelet_model::Placement { object, world_from_object });
+        let mut bodies = rig::Bodies::new(accessors, &walk, &model, &mut warnings)?;
+        for placed in &walk.placed {
+            bodies.place(placed, &mut model)?;
         }
-        warnings.extend(meshes.warnings());
+        bodies.finish(walk, &mut model, &mut warnings)?;
         model.warnings = warnings;
         Ok(model)
     }

@@ -1,6 +1,8 @@
-//! The node graph, walked without recursion, every world transform composed in f64.
+//! The node graph, walked without recursion, every world transform composed in f64; and kept, where
+//! something in the file can move it.
 
-use treelet::math::Affine;
+use treelet_model::animation::transform::{self, Rows};
+use treelet_model::animation::{Local, Node as Stand};
 use treelet_model::{Camera, Light, View};
 
 use crate::error::{Place, Result, clip};
@@ -15,17 +17,29 @@ use super::lights;
 #[derive(Debug, Default)]
 pub(super) struct Walk {
     /// Meshes, in the order of a depth-first walk.
-    pub(super) placed: Vec<(usize, Affine)>,
+    pub(super) placed: Vec<Placed>,
+    /// Cameras, and the nodes that they hang on.
     pub(super) cameras: Vec<Camera>,
+    pub(super) camera_nodes: Vec<usize>,
+    /// Lights, and the nodes that they hang on.
     pub(super) lights: Vec<Light>,
+    pub(super) light_nodes: Vec<usize>,
     /// Which of the file's scenes this is.
     pub(super) scene: usize,
+    /// If something in the file can move: all nodes, and those that were met, in that order.
+    pub(super) stands: Vec<Stand>,
+    pub(super) order: Vec<usize>,
 }
 
-/// Rows of `[m0, m1, m2, b]`, as in [`Affine`].
-pub(super) type Rows = [[f64; 4]; 3];
-
-const IDENTITY: Rows = [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]];
+/// A mesh at a place.
+#[derive(Debug)]
+pub(super) struct Placed {
+    pub(super) mesh: usize,
+    pub(super) node: usize,
+    pub(super) world: Rows,
+    /// Where it stands against its node, for one of many copies.
+    pub(super) copy: Option<Rows>,
+}
 
 /// Walks the scene that the file shows.
 pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) -> Result<Walk> {
@@ -36,8 +50,13 @@ pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) ->
     let mut parents: Vec<Option<Parent>> =
         source.whole(source.budget.filled(None, nodes.len(), "nodes"))?;
     let mut walk = Walk { scene: scene.unwrap_or(0), ..Walk::default() };
+    let can_move = super::rig::can_move(root);
+    if can_move {
+        let stands = source.budget.filled(Stand::default(), nodes.len(), "nodes");
+        walk.stands = source.whole(stands)?;
+    }
     let mut stack: Vec<(usize, Parent, Rows)> =
-        roots.iter().rev().map(|&node| (node, Parent::Scene, IDENTITY)).collect();
+        roots.iter().rev().map(|&node| (node, Parent::Scene, transform::IDENTITY)).collect();
     let (mut odd_cameras, mut odd_lights) = (false, false);
     while let Some((index, parent, world_from_parent)) = stack.pop() {
         // Each node has one parent, or the graph is no tree.
@@ -59,7 +78,15 @@ pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) ->
             let found = "has a matrix whose last row is not 0 0 0 1";
             return Err(source.broken(place(nodes, index), found, super::INVALID));
         };
-        let world = compose(&world_from_parent, &local);
+        let world = transform::compose(&world_from_parent, &local.rows());
+        if can_move {
+            let parent = match parent {
+                Parent::Scene => None,
+                Parent::Node(parent) => Some(parent),
+            };
+            walk.stands[index] = Stand { parent, local };
+            source.push(&mut walk.order, index, "nodes")?;
+        }
         if let Some(mesh) = node.mesh {
             if mesh >= root.meshes.len() {
                 let found = format!("names mesh {mesh} of {}", root.meshes.len());
@@ -69,16 +96,24 @@ pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) ->
                 Some(copies) => {
                     let copies = instancing::read(accessors, copies, &place(nodes, index))?;
                     source.make_room(&mut walk.placed, copies.len(), "placements")?;
-                    let place = |copy: &Rows| (mesh, rounded(&compose(&world, copy)));
-                    walk.placed.extend(copies.iter().map(place));
+                    walk.placed.extend(copies.iter().map(|copy| {
+                        let world = transform::compose(&world, copy);
+                        Placed { mesh, node: index, world, copy: Some(*copy) }
+                    }));
                 }
-                None => source.push(&mut walk.placed, (mesh, rounded(&world)), "placements")?,
+                None => {
+                    let placed = Placed { mesh, node: index, world, copy: None };
+                    source.push(&mut walk.placed, placed, "placements")?;
+                }
             }
         }
         if let Some(camera) = node.camera {
             let camera = root.cameras.get(camera);
             match camera.and_then(|camera| place_camera(camera, node, &world)) {
-                Some(camera) => source.push(&mut walk.cameras, camera, "cameras")?,
+                Some(camera) => {
+                    source.push(&mut walk.cameras, camera, "cameras")?;
+                    source.push(&mut walk.camera_nodes, index, "cameras")?;
+                }
                 None => odd_cameras = true,
             }
         }
@@ -86,7 +121,10 @@ pub(super) fn walk(accessors: &Accessors<'_, '_>, warnings: &mut Vec<String>) ->
         if let Some(light) = light {
             let light = root.extensions.lights.lights.get(light.light);
             match light.and_then(|light| lights::place(light, &world)) {
-                Some(light) => source.push(&mut walk.lights, light, "lights")?,
+                Some(light) => {
+                    source.push(&mut walk.lights, light, "lights")?;
+                    source.push(&mut walk.light_nodes, index, "lights")?;
+                }
                 None => odd_lights = true,
             }
         }
@@ -142,7 +180,7 @@ fn is_below(parents: &[Option<Parent>], node: Parent, ancestor: usize) -> bool {
     false
 }
 
-fn place(nodes: &[Node], index: usize) -> Place {
+pub(super) fn place(nodes: &[Node], index: usize) -> Place {
     super::item("node", index, nodes.get(index).map_or("", |node| &node.name))
 }
 
@@ -193,55 +231,19 @@ fn roots(source: &Source<'_>, root: &Root, scene: Option<usize>) -> Result<Vec<u
     Ok(roots)
 }
 
-/// A transform as the model has it.
-fn rounded(world: &Rows) -> Affine {
-    Affine(world.map(|row| row.map(|entry| entry as f32)))
-}
-
 /// The transform of a node against its parent; `None` for a projective matrix.
-fn local_transform(node: &Node) -> Option<Rows> {
+fn local_transform(node: &Node) -> Option<Local> {
     if let Some(matrix) = &node.matrix {
         // Column after column.
         let at = |row: usize, column: usize| matrix[4 * column + row];
         let affine = [at(3, 0), at(3, 1), at(3, 2), at(3, 3)] == [0.0, 0.0, 0.0, 1.0];
-        return affine.then(|| [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| at(row, column))));
+        let rows = || [0, 1, 2].map(|row| [0, 1, 2, 3].map(|column| at(row, column)));
+        return affine.then(|| Local::Matrix(Box::new(rows())));
     }
-    let t = node.translation.as_deref().copied().unwrap_or([0.0; 3]);
-    let r = node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let s = node.scale.as_deref().copied().unwrap_or([1.0; 3]);
-    Some(transform(t, r, s))
-}
-
-/// First scales, then turns by a quaternion, then moves.
-pub(super) fn transform(t: [f64; 3], r: [f64; 4], s: [f64; 3]) -> Rows {
-    let rotation = rotation(r);
-    [0, 1, 2].map(|row| {
-        let [a, b, c] = rotation[row];
-        [a * s[0], b * s[1], c * s[2], t[row]]
-    })
-}
-
-/// The matrix of a quaternion x, y, z, w of any length; that of length zero turns nothing.
-fn rotation([x, y, z, w]: [f64; 4]) -> [[f64; 3]; 3] {
-    let square = x * x + y * y + z * z + w * w;
-    let two = if square > 0.0 { 2.0 / square } else { 0.0 };
-    let (xx, yy, zz) = (two * x * x, two * y * y, two * z * z);
-    let (xy, xz, yz) = (two * x * y, two * x * z, two * y * z);
-    let (wx, wy, wz) = (two * w * x, two * w * y, two * w * z);
-    [
-        [1.0 - yy - zz, xy - wz, xz + wy],
-        [xy + wz, 1.0 - xx - zz, yz - wx],
-        [xz - wy, yz + wx, 1.0 - xx - yy],
-    ]
-}
-
-/// The map that first applies `inner`, then `outer`.
-fn compose(outer: &Rows, inner: &Rows) -> Rows {
-    outer.map(|[a, b, c, d]| {
-        [0, 1, 2, 3].map(|column| {
-            let offset = if column == 3 { d } else { 0.0 };
-            a * inner[0][column] + b * inner[1][column] + c * inner[2][column] + offset
-        })
+    Some(Local::Parts {
+        translation: node.translation.as_deref().copied().unwrap_or([0.0; 3]),
+        rotation: node.rotation.as_deref().copied().unwrap_or([0.0, 0.0, 0.0, 1.0]),
+        scale: node.scale.as_deref().copied().unwrap_or([1.0; 3]),
     })
 }
 
@@ -260,26 +262,7 @@ fn place_camera(camera: &super::json::Camera, node: &Node, world: &Rows) -> Opti
         }
         (None, None) => return None,
     };
-    let column = |k: usize| [world[0][k], world[1][k], world[2][k]];
-    let back = unit(column(2))?;
-    let right = unit(cross(column(1), back))?;
-    let up = cross(back, right);
-    let row = |k: usize| [right[k], up[k], back[k], world[k][3]].map(|entry| entry as f32);
-    let world_from_camera = Affine([row(0), row(1), row(2)]);
+    let world_from_camera = transform::camera_frame(world)?;
     let name = if node.name.is_empty() { &camera.name } else { &node.name };
-    world_from_camera.is_finite().then(|| Camera {
-        name: name.clone(),
-        world_from_camera,
-        view,
-        ..Camera::default()
-    })
-}
-
-fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-}
-
-pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let length = libm::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
-    (length > 0.0 && length.is_finite()).then(|| a.map(|x| x / length))
+    Some(Camera { name: name.clone(), world_from_camera, view, ..Camera::default() })
 }

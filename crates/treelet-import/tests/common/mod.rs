@@ -2,6 +2,7 @@
 
 #![allow(dead_code, reason = "each test binary uses its own share")]
 
+pub(crate) mod doc;
 pub(crate) mod packing;
 
 use treelet_import::{ImportError, Options, load_bytes};

@@ -205,6 +205,7 @@ impl<'a> Joining<'a> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::samples::random_boxes;
     use super::*;
     use crate::tree::Kind;
     use alloc::collections::BTreeSet;
@@ -262,19 +263,6 @@ mod tests {
             }
         }
         made
-    }
-
-    fn random_boxes(count: usize, size: f32, steps: f32) -> Vec<Aabb> {
-        let mut state = count as u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            ((state >> 8) as f32 / 16_777_216.0 * steps).trunc() / steps
-        };
-        let mut one = || {
-            let lo = [(); 3].map(|()| random());
-            Aabb { lo, hi: lo.map(|x| x + size * random()) }
-        };
-        (0..count).map(|_| one()).collect()
     }
 
     #[test]

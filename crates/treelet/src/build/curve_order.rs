@@ -7,7 +7,7 @@ use super::BuildError;
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, Stage, parallel};
 use crate::math::morton::{COARSE_BITS_MAX, Curve};
-use crate::memory;
+use crate::memory::{self, Pages};
 use crate::tree::PRIMS_MAX;
 use alloc::vec::Vec;
 use core::ops::Range;
@@ -87,7 +87,7 @@ pub(super) struct Order {
     pub(super) curve: Curve,
     pub(super) split: Split,
     /// Atomic because threads fill buckets together.
-    pub(super) entries: Vec<AtomicU64>,
+    pub(super) entries: Pages<AtomicU64>,
     /// Where buckets begin, and the end.
     pub(super) starts: Vec<usize>,
     /// In the order of the curve.
@@ -107,13 +107,11 @@ impl Order {
         let chunk = CHUNK.max(count.div_ceil(TASKS));
 
         // Compute codes and count buckets, chunk by chunk.
-        let mut codes = memory::try_filled(0_u64, count, "codes")?;
-        let chunks: Vec<_> =
-            bounds.chunks(chunk).zip(codes.chunks_mut(chunk)).enumerate().collect();
-        let counts = parallel::map(chunks, |(index, (bounds, codes))| {
-            encode(bounds, index * chunk, (&curve, split), codes, stage)
+        let encoded = parallel::map_chunks(bounds, chunk, |first, bounds| {
+            encode(bounds, first, (&curve, split), stage)
         });
-        let mut places = counts.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
+        let encoded = encoded.into_iter().collect::<Result<Vec<_>, BuildError>>()?;
+        let (codes, mut places): (Vec<_>, Vec<_>) = encoded.into_iter().unzip();
 
         // Give each bucket, and in it each chunk, its place.
         let mut starts = Vec::with_capacity((1 << split.bucket_bits) + 1);
@@ -127,11 +125,10 @@ impl Order {
         starts.push(count);
 
         // Move entries to their buckets.
-        let mut entries = memory::try_with_capacity(count, "buckets")?;
-        entries.resize_with(count, AtomicU64::default);
-        let chunks: Vec<_> = codes.chunks(chunk).zip(places).collect();
+        let entries = Pages::<AtomicU64>::zeroed(count, "buckets")?;
+        let chunks: Vec<_> = codes.into_iter().zip(places).collect();
         let moved = parallel::map(chunks, |(codes, places)| {
-            distribute(codes, places, split, &entries, stage)
+            distribute(&codes, places, split, &entries, stage)
         });
         moved.into_iter().collect::<Result<(), Cancelled>>()?;
 
@@ -169,27 +166,27 @@ fn centers_of(bounds: &[Aabb]) -> Aabb {
     Aabb { lo: [lo[0], lo[1], lo[2]], hi: [hi[0], hi[1], hi[2]] }
 }
 
-/// Writes the entries of some primitives, numbered from `first`; returns how many are in each bucket.
+/// The entries of some primitives, numbered from `first`, and how many are in each bucket.
 #[inline(never)]
 fn encode(
     bounds: &[Aabb],
     first: usize,
     (curve, split): (&Curve, Split),
-    codes: &mut [u64],
     stage: &Stage<'_>,
-) -> Result<Vec<u32>, Cancelled> {
+) -> Result<(Vec<u64>, Vec<u32>), BuildError> {
     let mut counts = alloc::vec![0; 1 << split.bucket_bits];
-    let mut prim = first as u32;
-    for (bounds, codes) in bounds.chunks(CHUNK).zip(codes.chunks_mut(CHUNK)) {
+    let mut entries = memory::try_with_capacity(bounds.len(), "codes")?;
+    let mut prims = first as u32..;
+    for bounds in bounds.chunks(CHUNK) {
         stage.check()?;
-        for (bounds, entry) in bounds.iter().zip(codes) {
+        entries.extend(bounds.iter().zip(&mut prims).map(|(bounds, prim)| {
             let code = curve.coarse(curve.cell(bounds.center()));
-            *entry = split.entry(code, prim);
-            counts[split.bucket(*entry)] += 1;
-            prim += 1;
-        }
+            let entry = split.entry(code, prim);
+            counts[split.bucket(entry)] += 1;
+            entry
+        }));
     }
-    Ok(counts)
+    Ok((entries, counts))
 }
 
 /// Moves entries to their buckets. Every store has a place of its own, so relaxed ones do.

@@ -6,7 +6,8 @@
 //! cut at the highest bit in which its codes differ, equal codes by their places. Differs from it: all
 //! pieces of the curve are made at once, not all nodes: in a piece, one sweep with a stack makes
 //! topology and boxes, so that no node searches for its ends and none is waited for; small ranges
-//! become leaves.
+//! become leaves; of a few primitives in one small cell the order inside is not asked for
+//! (`build/curve_leaves.rs`).
 //!
 //! O(n) time. Measured on one thread of a 2-core Xeon, boxes to tree, M triangles/s, with the cost by
 //! the surface area heuristic (1 a node, 1 a triangle; between families of builders it is not the
@@ -120,6 +121,7 @@ mod tests {
             };
             let mut codes: Vec<_> = bounds.iter().map(code).zip(0..).collect();
             codes.sort_unstable();
+            split.codes_that_count(&mut codes);
             Self { codes, leaf_max }
         }
 

@@ -15,6 +15,8 @@ pub mod presplit;
 mod prim_ref;
 mod radix_sort;
 pub(crate) mod restructure;
+#[cfg(test)]
+mod samples;
 pub(crate) mod top_down;
 
 pub use clip::Clip;

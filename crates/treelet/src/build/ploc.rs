@@ -236,6 +236,7 @@ fn join_pairs(
 
 #[cfg(test)]
 mod tests {
+    use super::super::samples::random_boxes;
     use super::*;
 
     /// Area, distance, tile: what makes one pair better than another.
@@ -278,19 +279,6 @@ mod tests {
         }
         nodes.insert(0, clusters[0]);
         nodes
-    }
-
-    fn random_boxes(count: usize, size: f32, steps: f32) -> Vec<Aabb> {
-        let mut state = 1_u32;
-        let mut random = || {
-            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            ((state >> 8) as f32 / 16_777_216.0 * steps).trunc() / steps
-        };
-        let mut one = || {
-            let lo = [(); 3].map(|()| random());
-            Aabb { lo, hi: lo.map(|x| x + size * random()) }
-        };
-        (0..count).map(|_| one()).collect()
     }
 
     fn scaled(bounds: &[Aabb], scale: f32) -> Vec<Aabb> {

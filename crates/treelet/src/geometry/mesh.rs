@@ -25,6 +25,12 @@ impl Mesh {
         Self { positions: positions.into(), triangles: triangles.into() }
     }
 
+    /// The same triangles over other positions, as of a mesh that bends: the indices are shared.
+    #[must_use]
+    pub fn with_positions(&self, positions: impl Into<Array<[f32; 3]>>) -> Self {
+        Self { positions: positions.into(), triangles: self.triangles.clone() }
+    }
+
     /// Vertex positions.
     pub fn positions(&self) -> &[[f32; 3]] {
         &self.positions
@@ -44,6 +50,11 @@ impl Mesh {
             *positions.get(b as usize)?,
             *positions.get(c as usize)?,
         ])
+    }
+
+    /// Whether both are the same arrays in memory, not merely equal.
+    pub(crate) fn is_same(&self, other: &Self) -> bool {
+        self.positions.same(&other.positions) && self.triangles.same(&other.triangles)
     }
 
     /// What is wrong with triangle `prim`, if anything.

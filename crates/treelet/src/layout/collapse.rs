@@ -13,6 +13,12 @@
 //! traced rays by less than the noise. Differs from the source in that: there a leaf costs by its
 //! triangles.
 //!
+//! Tried: chances that were counted instead of areas (how many of 100,000 rays meet a node before they end; where
+//! few came near, by areas below a node above). Where these were rays of the very kinds and the camera that were
+//! traced then, the best trees of a kitchen, a car and a turbine blade were traced at 1.19, 1.09 and
+//! 1.05 times `sweep-sah`'s speed instead of 1.13, 1.04 and 1.00: worth the effort only for who knows the rays. With rays
+//! between random points of the surfaces, single tests: 1.15, 0.95, 1.01 instead of 1.13, 0.99, 1.00.
+//!
 //! Cost: for each inner node, the slots of the child with fewer leaves are tried one after the
 //! other, each for all `j` at once as vectors. That is O(W) a node on average (a knapsack on a tree),
 //! and two or three steps in practice. Costs live on a stack while a subtree is planned; what stays

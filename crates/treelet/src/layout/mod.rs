@@ -6,6 +6,7 @@ mod greedy;
 pub(crate) mod lower;
 mod order;
 pub(crate) mod packing;
+pub(crate) mod refit;
 mod select;
 pub mod wide;
 mod write;

@@ -32,7 +32,7 @@ impl Part {
 /// A wide node before it is written.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Chosen<const W: usize> {
-    /// By ascending area.
+    /// Of the inner ones, the largest last.
     pub(super) parts: [Part; W],
     pub(super) count: u32,
     /// Which wide node of the piece it is a child of, and in which slot; `NO_PARENT` if it is one

@@ -234,6 +234,11 @@ pub(crate) struct Wide<const W: usize, K: Packing<W> = Plain> {
 }
 
 impl<const W: usize, K: Packing<W>> Wide<W, K> {
+    /// The tree of nothing.
+    pub(crate) fn nothing() -> Self {
+        Self { nodes: Pages::default(), root: Child::END, words: Pages::default(), triangles: 0 }
+    }
+
     /// Bytes that walks read.
     pub(crate) fn bytes(&self) -> usize {
         size_of_val(&*self.nodes) + size_of_val(&*self.words)

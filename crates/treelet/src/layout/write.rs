@@ -8,8 +8,12 @@ use super::order::{self, Outlook};
 use super::select::{Chosen, NO_PARENT, Part, Selected};
 use super::wide::{Child, LEAF_MAX, Node, SLOTS_MAX, TRIANGLE_WORDS};
 use crate::context::{Cancel, Cancelled};
+use crate::memory::prefetch;
 use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
+
+/// Nodes of the tree are asked for this many wide nodes ahead.
+const AHEAD: usize = 2;
 
 /// What is written.
 pub(super) struct Writer<'a, F> {
@@ -78,6 +82,9 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
             children.push(Child::inner(output.base + at as u32));
             loop {
                 self.cancel.check()?;
+                if let Some(soon) = piece.nodes.get(at + AHEAD) {
+                    self.expect(soon);
+                }
                 self.node(at, &piece.nodes[at], &mut output, &mut batch);
                 at += 1;
                 if piece.nodes.get(at).is_none_or(|node| node.parent == NO_PARENT) {
@@ -88,6 +95,14 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
         let Writer { unit, triangles, .. } = *self;
         order::arrange(output.nodes, output.base, triangles, unit, output.outlooks);
         Ok((children, output.instances))
+    }
+
+    /// Asks for the boxes and leaves of a node that is written soon.
+    #[inline(always)]
+    fn expect<const W: usize>(&self, chosen: &Chosen<W>) {
+        for part in &chosen.parts[..chosen.count as usize] {
+            prefetch(&self.tree.nodes, part.node());
+        }
     }
 
     /// Writes the node `at` with its leaves, and puts it into its parent.
@@ -197,14 +212,25 @@ impl<F: Fn(&[u32], &mut [Packed]) + Sync> Writer<'_, F> {
 
 /// Rows as long as the leaf has triangles: coordinate by coordinate, then the ids.
 #[inline(always)]
-fn write_block(triangles: &[Packed], block: &mut [f32]) {
-    let count = triangles.len();
+pub(super) fn write_block(triangles: &[Packed], block: &mut [f32]) {
+    match triangles.len() {
+        1 => write_rows::<1>(triangles, block),
+        2 => write_rows::<2>(triangles, block),
+        3 => write_rows::<3>(triangles, block),
+        _ => write_rows::<LEAF_MAX>(triangles, block),
+    }
+}
+
+/// The same for a number of triangles that the compiler knows: a third of the instructions.
+#[inline(always)]
+fn write_rows<const N: usize>(triangles: &[Packed], block: &mut [f32]) {
+    let (triangles, block) = (&triangles[..N], &mut block[..N * TRIANGLE_WORDS]);
     for (lane, Packed { corners, id }) in triangles.iter().enumerate() {
         for corner in 0..3 {
             for axis in 0..3 {
-                block[(3 * corner + axis) * count + lane] = corners[corner][axis];
+                block[(3 * corner + axis) * N + lane] = corners[corner][axis];
             }
         }
-        block[9 * count + lane] = f32::from_bits(*id);
+        block[9 * N + lane] = f32::from_bits(*id);
     }
 }

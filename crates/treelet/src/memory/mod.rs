@@ -2,9 +2,11 @@
 //! stacks; sizes that may fail.
 
 mod pages;
+mod prefetch;
 mod stack;
 
 pub(crate) use pages::{Pages, Zeroed, zeroed};
+pub(crate) use prefetch::prefetch;
 pub(crate) use stack::{Room, Stack};
 
 use alloc::sync::Arc;

@@ -25,8 +25,8 @@ const HUGE: usize = 2 << 20;
 ///
 /// # Safety
 ///
-/// Every bit pattern that is zero throughout is a valid value of the type.
-pub(crate) unsafe trait Zeroed: Copy + Send + Sync {}
+/// Every bit pattern that is zero throughout is a valid value of the type, and dropping one does nothing.
+pub(crate) unsafe trait Zeroed: Send + Sync {}
 
 // SAFETY: if zero is an item, as many zeroes are that many items.
 unsafe impl<T: Zeroed, const N: usize> Zeroed for [T; N] {}
@@ -54,6 +54,8 @@ unsafe impl Zeroed for u16 {}
 unsafe impl Zeroed for u32 {}
 // SAFETY: as above.
 unsafe impl Zeroed for f32 {}
+// SAFETY: as above.
+unsafe impl Zeroed for core::sync::atomic::AtomicU64 {}
 
 /// A fixed number of `T`, aligned to cache lines at least.
 pub(crate) struct Pages<T> {

@@ -22,7 +22,7 @@
 //!
 //! Cost: 68 bytes a leaf; two searches a node.
 
-use super::Optimizer;
+use super::{Optimizer, check_shares};
 use super::pairs::{Id, Pairs, ROOT};
 use crate::bounds::Aabb;
 use crate::build::{BuildError, Info, check_option};
@@ -58,9 +58,8 @@ impl Optimizer for Insertion {
     }
 
     fn optimize(&self, tree: Tree, context: &Context<'_>) -> Result<Tree, BuildError> {
-        check_option("share", f64::from(self.share), 0.0..=1.0, "0..=1")?;
+        check_shares(self.share, self.gain_min)?;
         check_option("passes", f64::from(self.passes), 0.0..=1000.0, "0..=1000")?;
-        check_option("gain_min", f64::from(self.gain_min), 0.0..=1.0, "0..=1")?;
         // Three leaves can be arranged in more than one way; two cannot.
         if tree.nodes.len() < 5 {
             return Ok(tree);

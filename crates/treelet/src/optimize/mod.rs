@@ -7,7 +7,7 @@
 mod pairs;
 mod search;
 
-use crate::build::{BuildError, Info};
+use crate::build::{BuildError, Info, check_option};
 use crate::context::Context;
 use crate::tree::Tree;
 
@@ -40,6 +40,13 @@ catalogue! {
     treelets::Treelets,
     rotations::Rotations,
     insertion::Insertion,
+}
+
+/// Checks the options that several optimisers have: a share of nodes, and the share of the cost that a
+/// round must save for another to follow.
+fn check_shares(share: f32, gain_min: f32) -> Result<(), BuildError> {
+    check_option("share", f64::from(share), 0.0..=1.0, "0..=1")?;
+    check_option("gain_min", f64::from(gain_min), 0.0..=1.0, "0..=1")
 }
 
 /// The optimiser of that name, with its default options.

@@ -23,7 +23,7 @@
 //!
 //! Cost: 68 bytes a leaf; a search visits some tens of nodes.
 
-use super::Optimizer;
+use super::{Optimizer, check_shares};
 use super::pairs::{Id, Pairs, Place, ROOT};
 use super::search::Search;
 use crate::build::{BuildError, Info, check_option};
@@ -59,9 +59,8 @@ impl Optimizer for Reinsertion {
     }
 
     fn optimize(&self, tree: Tree, context: &Context<'_>) -> Result<Tree, BuildError> {
-        check_option("share", f64::from(self.share), 0.0..=1.0, "0..=1")?;
+        check_shares(self.share, self.gain_min)?;
         check_option("rounds", f64::from(self.rounds), 0.0..=10_000.0, "0..=10000")?;
-        check_option("gain_min", f64::from(self.gain_min), 0.0..=1.0, "0..=1")?;
         // Three leaves can be arranged in more than one way; two cannot.
         if tree.nodes.len() < 5 {
             return Ok(tree);

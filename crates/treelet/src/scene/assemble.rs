@@ -4,7 +4,7 @@ use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
 use super::gather::{Names, Prims, add_triangles};
 use super::improve;
-use super::place::{Placements, place_instances};
+use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
 use super::{Plan, Quality, Scene, SceneError};
@@ -16,7 +16,10 @@ use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Packed, lower, split_leaves};
-use crate::trace::structure::{Geometry, Instance, Layout, Structure};
+use crate::layout::wide::LEAF_MAX;
+use crate::simd::Checked;
+use crate::trace::placements::Instance;
+use crate::trace::structure::{Geometry, Layout, Structure};
 use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
@@ -25,7 +28,7 @@ use core::mem;
 use core::time::Duration;
 
 /// The most boxes that stand for a level when it is transformed.
-const COVER_MAX: usize = 32;
+pub(super) const COVER_MAX: usize = 32;
 
 /// Builds the scene.
 pub(super) fn assemble(
@@ -67,7 +70,8 @@ impl Gathered {
             add_triangles(geom, mesh, options, &mut prims, &mut report)?;
         }
         let meshes = prims.meshes;
-        let placements = place_instances(description.instances, meshes, options, &mut report)?;
+        let placements =
+            place_instances(parts(description.instances), meshes, options, &mut report)?;
         let placed = placements
             .instances
             .iter()
@@ -99,15 +103,18 @@ impl Gathered {
         options: &BuildOptions<'_>,
         again: bool,
     ) -> Result<Scene, SceneError> {
-        let (tree, mut report) = self.tree(plan, options)?;
+        let (mut tree, mut report) = self.tree(plan, options)?;
         let Self { meshes, placements, prims, clock, .. } = self;
+        if report.tree.leaf_max as usize > LEAF_MAX || !prims.instances.is_empty() {
+            tree = split_leaves(tree, prims.bounds(), prims.triangles);
+        }
         let (meshes, instances) = if again {
             (meshes.clone(), placements.instances.clone())
         } else {
             (mem::take(meshes), mem::take(&mut placements.instances))
         };
         let placements = Placements { instances, ..*placements };
-        let structure = finish(meshes, placements, prims, tree, plan.collapse, options, again)?;
+        let structure = finish(meshes, placements, prims, &tree, plan.collapse, options, again)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
@@ -141,16 +148,14 @@ fn finish(
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
     prims: &mut Prims,
-    tree: Tree,
+    tree: &Tree,
     collapse: Collapse,
     options: &BuildOptions<'_>,
     again: bool,
 ) -> Result<Structure, SceneError> {
     let Placements { instances, reach, slack, paths } = placements;
-    // The boxes are not needed any more once leaves are small enough.
     let repeats = tree.prims.len() > prims.bounds().len()
-        || instances.iter().any(|instance| instance.structure.repeats);
-    let tree = &split_leaves(tree, prims.bounds(), prims.triangles);
+        || instances.blocks.iter().any(|block| block.repeats);
     if !again {
         prims.forget_bounds();
     }
@@ -191,25 +196,62 @@ fn finish(
         }
     }
     let leaf_instances = order.iter().map(|&at| prims.instances[at as usize]).collect();
-
-    Ok(Structure {
-        repeats,
+    let level = Level {
         level,
-        unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
         geometries,
         first_ids,
-        instances,
+        placements: Placements { instances, reach, slack, paths },
         layout,
         bounds: tree.bounds(),
-        leaf_instances,
         cover: cover(tree),
-        ordinary: Ordinary::level(&reach),
-        reach,
-        diagonal: tree.bounds().diagonal() as f32,
-        reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
-        slack,
-        paths,
-    })
+        leaf_instances,
+        repeats,
+        around_meshes: prims.meshes,
+    };
+    Ok(level.structure())
+}
+
+/// All that a level is made of.
+pub(super) struct Level {
+    pub(super) level: Checked,
+    pub(super) geometries: Vec<Geometry>,
+    pub(super) first_ids: Vec<u32>,
+    pub(super) placements: Placements,
+    pub(super) layout: Layout,
+    pub(super) bounds: Aabb,
+    pub(super) cover: Vec<Aabb>,
+    pub(super) leaf_instances: Vec<u32>,
+    pub(super) repeats: bool,
+    /// Around the meshes alone.
+    pub(super) around_meshes: Aabb,
+}
+
+impl Level {
+    /// With what walks want to know besides.
+    pub(super) fn structure(self) -> Structure {
+        let Self { level, geometries, first_ids, placements, layout, bounds, .. } = self;
+        let Placements { instances, reach, slack, paths } = placements;
+        Structure {
+            repeats: self.repeats,
+            level,
+            unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
+            geometries,
+            first_ids,
+            instances,
+            layout,
+            bounds,
+            leaf_instances: self.leaf_instances,
+            cover: self.cover,
+            ordinary: Ordinary::level(&reach),
+            reach,
+            diagonal: bounds.diagonal() as f32,
+            reach_lanes: [reach.lo, reach.hi].map(|[x, y, z]| [x, y, z, z]),
+            slack,
+            paths,
+            around_meshes: self.around_meshes,
+            price: None,
+        }
+    }
 }
 
 /// Where the triangles of leaves come from.

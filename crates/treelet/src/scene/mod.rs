@@ -3,6 +3,7 @@
 mod assemble;
 mod builder;
 mod choice;
+mod edit;
 mod error;
 mod gather;
 mod improve;
@@ -14,6 +15,7 @@ mod slices;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use choice::{Candidate, Choice, Pilot};
+pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Reason, Update};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
 pub use recipe::{Recipe, RecipeError};
@@ -215,7 +217,7 @@ impl Scene {
         let mut at = 0;
         while at < levels.len() {
             let level = levels[at];
-            for instance in &level.instances {
+            for instance in level.instances.iter() {
                 if seen.insert(Arc::as_ptr(&instance.structure)) {
                     levels.push(&instance.structure);
                 }
@@ -247,8 +249,7 @@ impl Scene {
         let mut rest = inst;
         while rest > 0 {
             // Ranks rise, the first being 1: the last instance whose rank is not above `rest`.
-            let index = level.instances.partition_point(|instance| instance.rank <= rest) - 1;
-            let instance = &level.instances[index];
+            let (index, instance) = level.instances.of_rank(rest)?;
             show(index, &instance.world_from_object);
             rest -= instance.rank;
             level = &instance.structure;

@@ -8,8 +8,9 @@ use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::math::{Affine, affine};
 use crate::memory;
+use crate::trace::placements::{BLOCK, Block, Instance, Instances};
 use crate::trace::slack::{Near, Slack};
-use crate::trace::structure::Instance;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// How far an entry of the map that rays go through, inverted again, may be from the caller's,
@@ -23,7 +24,7 @@ const SCALE_MAX: f64 = (1_u128 << 80) as f64;
 /// The instances of a level, and what follows from where they are.
 pub(super) struct Placements {
     /// In the caller's order; a skipped one keeps its number and has an empty box.
-    pub(super) instances: Vec<Instance>,
+    pub(super) instances: Instances,
     /// Contains the level's meshes and the images of the reaches of all instances.
     pub(super) reach: Aabb,
     pub(super) slack: Slack,
@@ -31,93 +32,206 @@ pub(super) struct Placements {
     pub(super) paths: u64,
 }
 
-/// Places the instances of a level whose meshes lie in `meshes`.
+/// A block of instances, as they are wanted.
+pub(super) enum Part {
+    /// As they stand.
+    Kept(Arc<Block>),
+    /// To be placed.
+    New(Vec<Placed>),
+}
+
+/// Blocks of what is to be placed, each full but for the last.
+pub(super) fn parts(placed: impl IntoIterator<Item = Placed>) -> Vec<Part> {
+    let mut placed = placed.into_iter().peekable();
+    let mut parts = Vec::new();
+    while placed.peek().is_some() {
+        parts.push(Part::New(placed.by_ref().take(BLOCK).collect()));
+    }
+    parts
+}
+
+impl Placed {
+    /// An instance as the caller gave it.
+    pub(super) fn again(instance: &Instance) -> Self {
+        let Instance { structure, world_from_object, mask, .. } = instance;
+        let (world_from_object, mask) = (*world_from_object, *mask);
+        Self { structure: Arc::clone(structure), world_from_object, mask }
+    }
+}
+
+/// Places the instances of a level whose meshes lie in `meshes`. Blocks that stand stay what they
+/// are where their numbers and what is near stay the same.
 pub(super) fn place_instances(
-    placed: Vec<Placed>,
+    parts: Vec<Part>,
     meshes: Aabb,
     options: &BuildOptions<'_>,
     report: &mut BuildReport,
 ) -> Result<Placements, SceneError> {
     // Find where each one is; one that is nowhere is an error, or is skipped.
-    let located = parallel::map(placed, |placed| {
-        options.context.cancel.check()?;
-        let place = locate(&placed);
-        Ok((placed, place))
+    let cancel = &options.context.cancel;
+    let located = parallel::map(parts, |part| {
+        cancel.check()?;
+        Ok(match part {
+            Part::Kept(block) => Located::Kept(block),
+            Part::New(placed) => Located::new(placed),
+        })
     });
-    let mut places = memory::try_with_capacity(located.len(), "places of instances")?;
-    let mut reach = meshes;
-    for (index, located) in located.into_iter().enumerate() {
-        let located: Result<_, Cancelled> = located;
-        let (placed, place) = located?;
-        let place = place.or_else(|defect| skip(index, defect, options, report))?;
-        reach = reach.union(&place.reach);
-        report.empty_instances += u64::from(placed.structure.bounds.is_empty());
-        places.push((placed, place));
+    let located = located.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
+    for (block, located) in located.iter().enumerate() {
+        if let Located::New { defects, .. } = located {
+            report_defects(block, defects, options, report)?;
+        }
+        let empty = located.block().items.iter().filter(|it| it.structure.bounds.is_empty());
+        report.empty_instances += empty.count() as u64;
     }
 
     // Only now is it known how large the level is, and so what rays are near.
-    let seen = places.iter().filter(|(_, place)| !place.bounds.is_empty());
-    let near = seen.fold(Near::of(&reach), |near, (placed, place)| {
-        near.within(&placed.structure.slack, &place.object_from_world)
-    });
-    let mut slack = Slack::new(near);
+    let blocks = || located.iter().map(Located::block);
+    let reach = blocks().fold(meshes, |all, block| all.union(&block.reach));
+    let limit = blocks().map(|block| block.limit).fold(f64::INFINITY, f64::min);
+    let near = Near::of(&reach).at_most(limit);
     let mut paths = 1_u64;
-    let mut instances = memory::try_with_capacity(places.len(), "instances")?;
-    for (index, (Placed { structure, world_from_object, mask }, place)) in
-        places.into_iter().enumerate()
-    {
-        let mut bounds = place.bounds;
-        if !bounds.is_empty() {
-            let inner = &structure.slack;
-            bounds = bounds.widened(slack.include(inner, &place.object_from_world, &place.exact));
-            if !is_near(&bounds) {
-                let Aabb { lo, hi } = bounds;
-                skip(index, InstanceDefect::TooFar { lo, hi }, options, report)?;
-                bounds = Aabb::EMPTY;
-            }
-        }
-        let (rank, inside) = (paths, structure.paths);
-        let object_from_world = place.object_from_world;
-        let instance =
-            Instance { structure, world_from_object, object_from_world, bounds, rank, mask };
-        instances.push(instance);
-        paths = paths.checked_add(inside).ok_or(SceneError::TooManyPaths)?;
+    let mut ranked = Vec::with_capacity(located.len());
+    for located in located {
+        let rank = paths;
+        paths = paths.checked_add(located.block().paths).ok_or(SceneError::TooManyPaths)?;
+        ranked.push((located, rank));
     }
-    Ok(Placements { instances, reach, slack, paths })
+
+    // Widen their boxes for those.
+    let widened = parallel::map(ranked, |(located, rank)| {
+        cancel.check()?;
+        Ok(located.widened(near, rank))
+    });
+    let mut blocks = memory::try_with_capacity(widened.len(), "blocks of instances")?;
+    let mut far_share = 0.0_f64;
+    for (index, widened) in widened.into_iter().enumerate() {
+        let widened: Result<_, Cancelled> = widened;
+        let (block, defects): (Arc<Block>, _) = widened?;
+        report_defects(index, &defects, options, report)?;
+        far_share = far_share.max(block.far_share);
+        blocks.push(block);
+    }
+    let instances = Instances::new(blocks);
+    Ok(Placements { instances, reach, slack: Slack::new(near, far_share), paths })
 }
 
-/// Counts an instance that cannot be used as nowhere, where the caller chose so.
-fn skip(
-    instance: usize,
-    defect: InstanceDefect,
+/// What is wrong with some instances of a block.
+type Defects = Vec<(usize, InstanceDefect)>;
+
+/// A block of instances that are where they are, their boxes not widened if they are new.
+enum Located {
+    Kept(Arc<Block>),
+    New { block: Block, defects: Defects },
+}
+
+impl Located {
+    fn new(placed: Vec<Placed>) -> Self {
+        let mut block = Block {
+            items: Vec::with_capacity(placed.len()),
+            reach: Aabb::EMPTY,
+            limit: f64::INFINITY,
+            far_share: 0.0,
+            paths: 0,
+            repeats: false,
+            near: Near::of(&Aabb::EMPTY),
+        };
+        let mut defects = Vec::new();
+        for (at, placed) in placed.into_iter().enumerate() {
+            let place = locate(&placed).unwrap_or_else(|defect| {
+                defects.push((at, defect));
+                Place::NOWHERE
+            });
+            let Placed { structure, world_from_object, mask } = placed;
+            let Place { object_from_world, bounds, reach } = place;
+            if !bounds.is_empty() {
+                let limit = Near::limit(&structure.slack, &object_from_world);
+                block.limit = block.limit.min(limit);
+            }
+            block.reach = block.reach.union(&reach);
+            block.paths = block.paths.saturating_add(structure.paths);
+            block.repeats |= structure.repeats;
+            let rank = 0;
+            let placed =
+                Instance { structure, world_from_object, object_from_world, bounds, rank, mask };
+            block.items.push(placed);
+        }
+        Self::New { block, defects }
+    }
+
+    fn block(&self) -> &Block {
+        match self {
+            Self::Kept(block) => block,
+            Self::New { block, .. } => block,
+        }
+    }
+
+    /// With boxes for what is near, and ranks from `rank` on; and what is wrong with that.
+    fn widened(self, near: Near, rank: u64) -> (Arc<Block>, Defects) {
+        let mut block = match self {
+            Self::New { block, .. } => block,
+            Self::Kept(block) if block.near == near && block.first_rank() == Some(rank) => {
+                return (block, Vec::new());
+            }
+            Self::Kept(block) => match Self::new(block.items.iter().map(Placed::again).collect()) {
+                Self::New { block, .. } => block,
+                Self::Kept(block) => return (block, Vec::new()),
+            },
+        };
+        let mut defects = Vec::new();
+        let mut next = rank;
+        for (at, instance) in block.items.iter_mut().enumerate() {
+            instance.rank = next;
+            next = next.saturating_add(instance.structure.paths);
+            if instance.bounds.is_empty() {
+                continue;
+            }
+            let map = &instance.object_from_world;
+            // Not singular, or it would be nowhere.
+            let exact = map.inverse_f64().unwrap_or_default();
+            let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
+            block.far_share = block.far_share.max(far_share);
+            instance.bounds = instance.bounds.widened(by);
+            if !is_near(&instance.bounds) {
+                let Aabb { lo, hi } = instance.bounds;
+                defects.push((at, InstanceDefect::TooFar { lo, hi }));
+                instance.bounds = Aabb::EMPTY;
+            }
+        }
+        block.near = near;
+        (Arc::new(block), defects)
+    }
+}
+
+/// Counts instances that cannot be used as nowhere, where the caller chose so.
+fn report_defects(
+    block: usize,
+    defects: &Defects,
     options: &BuildOptions<'_>,
     report: &mut BuildReport,
-) -> Result<Place, SceneError> {
-    if options.invalid == Invalid::Error {
-        return Err(SceneError::Instance { instance, defect });
+) -> Result<(), SceneError> {
+    for &(at, defect) in defects {
+        let instance = block * BLOCK + at;
+        if options.invalid == Invalid::Error {
+            return Err(SceneError::Instance { instance, defect });
+        }
+        report.skipped.instances += 1;
+        let first = &mut report.skipped.first_instance;
+        *first = first.or(Some((instance, defect)));
     }
-    report.skipped.instances += 1;
-    let first = &mut report.skipped.first_instance;
-    *first = first.or(Some((instance, defect)));
-    Ok(Place::NOWHERE)
+    Ok(())
 }
 
 /// Where an instance is.
 struct Place {
     object_from_world: Affine,
-    /// The exact inverse of `object_from_world`, as far as f64 goes.
-    exact: [[f64; 4]; 3],
     bounds: Aabb,
     reach: Aabb,
 }
 
 impl Place {
-    const NOWHERE: Self = Self {
-        object_from_world: Affine::IDENTITY,
-        exact: [[0.0; 4]; 3],
-        bounds: Aabb::EMPTY,
-        reach: Aabb::EMPTY,
-    };
+    const NOWHERE: Self =
+        Self { object_from_world: Affine::IDENTITY, bounds: Aabb::EMPTY, reach: Aabb::EMPTY };
 }
 
 fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
@@ -138,16 +252,21 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
         return Err(InstanceDefect::Scale { rows });
     }
     if placed.structure.bounds.is_empty() {
-        return Ok(Place { object_from_world, exact, ..Place::NOWHERE });
+        return Ok(Place { object_from_world, ..Place::NOWHERE });
     }
     let image = |bounds: &Aabb| {
         let (lo, hi) = affine::box_image(&exact, bounds.lo, bounds.hi);
         Aabb { lo, hi }
     };
-    let bounds = placed.structure.cover.iter().map(image).fold(Aabb::EMPTY, |a, b| a.union(&b));
-    let reach = image(&placed.structure.reach).union(&bounds);
+    let inner = &placed.structure;
+    let whole = image(&inner.reach);
+    let bounds = match inner.cover.as_slice() {
+        [only] if *only == inner.reach => whole,
+        cover => cover.iter().map(image).fold(Aabb::EMPTY, |a, b| a.union(&b)),
+    };
+    let reach = whole.union(&bounds);
     let Aabb { lo, hi } = reach;
-    let place = Place { object_from_world, exact, bounds, reach };
+    let place = Place { object_from_world, bounds, reach };
     if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
 }
 

@@ -62,6 +62,15 @@ mod sse2 {
         pub(crate) fn neg(self) -> Self {
             Self(sse2!(_mm_xor_ps(self.0, _mm_set1_ps(-0.0))))
         }
+        #[inline(always)]
+        pub(crate) fn abs(self) -> Self {
+            Self(sse2!(_mm_andnot_ps(_mm_set1_ps(-0.0), self.0)))
+        }
+        /// The lanes y, z, x, w.
+        #[inline(always)]
+        pub(crate) fn yzxw(self) -> Self {
+            Self(sse2!(_mm_shuffle_ps::<0b11_00_10_01>(self.0, self.0)))
+        }
         /// The same with zero in the fourth lane.
         #[inline(always)]
         pub(crate) fn xyz(self) -> Self {
@@ -173,6 +182,15 @@ mod portable {
         pub(crate) fn neg(self) -> Self {
             self.zip(self, |a, _| -a)
         }
+        #[inline(always)]
+        pub(crate) fn abs(self) -> Self {
+            self.zip(self, |a, _| a.abs())
+        }
+        /// The lanes y, z, x, w.
+        #[inline(always)]
+        pub(crate) fn yzxw(self) -> Self {
+            Self([self.0[1], self.0[2], self.0[0], self.0[3]])
+        }
         /// The same with zero in the fourth lane.
         #[inline(always)]
         pub(crate) fn xyz(self) -> Self {
@@ -251,6 +269,8 @@ mod tests {
                     x.sub(y),
                     x.mul(y),
                     x.neg(),
+                    x.abs(),
+                    x.yzxw(),
                     x.xyz(),
                     x.less_pick(y, x, whole),
                     whole.trunc(),

@@ -6,6 +6,7 @@ mod instance;
 mod leaf;
 pub(crate) mod packet;
 pub(crate) mod pending;
+pub(crate) mod placements;
 pub(crate) mod prepared;
 pub(crate) mod record;
 pub(crate) mod slack;

@@ -49,7 +49,7 @@ const SLAB_ROUNDING: f64 = 4.0;
 const MARGIN: f64 = 1.01;
 
 /// The largest `R(o)` that is near, and the largest absolute coordinate.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Near {
     reach: f64,
     coordinate_max: f64,
@@ -64,14 +64,40 @@ impl Near {
         }
     }
 
-    /// Keeps the idea of near of a level inside.
-    #[must_use]
-    pub(crate) fn within(self, inner: &Slack, object_from_world: &Affine) -> Self {
+    /// The largest `R(o)` that is near to a level inside, seen from outside; infinite where that
+    /// level has no idea of its own.
+    pub(crate) fn limit(inner: &Slack, object_from_world: &Affine) -> f64 {
         if inner.far_share == 0.0 {
-            return self;
+            return f64::INFINITY;
         }
-        let m = row_sum(&object_from_world.0.map(|row| row.map(f64::from)));
-        Self { reach: self.reach.min(inner.near.reach / m), ..self }
+        inner.near.reach / row_sum(&object_from_world.0.map(|row| row.map(f64::from)))
+    }
+
+    /// Keeps the ideas of near of the levels inside.
+    #[must_use]
+    pub(crate) fn at_most(self, limit: f64) -> Self {
+        Self { reach: self.reach.min(limit), ..self }
+    }
+
+    /// By how much the box of an instance of a level with slack `inner` is to be widened; and what
+    /// rays from far away need on top, for [`Slack::new`].
+    pub(crate) fn widening(
+        &self,
+        inner: &Slack,
+        object_from_world: &Affine,
+        world_from_object: &[[f64; 4]; 3],
+    ) -> (f32, f64) {
+        let a = object_from_world.0.map(|row| row.map(f64::from));
+        let [m, n] = [row_sum(&a), row_sum(world_from_object)];
+        let (k, v) = absolute_products(world_from_object, &a);
+        let Self { reach, coordinate_max } = *self;
+
+        let inside = n * inner.accepted_within(m * reach);
+        let moving = 4.0 * (k * (2.0 * reach + 3.0 * coordinate_max) + v);
+        let far_share =
+            n * m * (f64::from(SLACK) + 2.0 * SLAB_ROUNDING + inner.far_share) + 8.0 * k;
+        let by = MARGIN * f64::from(UNIT_ROUNDOFF) * (inside + moving);
+        (crate::math::rounding::up(by), far_share)
     }
 }
 
@@ -84,35 +110,14 @@ pub(crate) struct Slack {
 }
 
 impl Slack {
-    /// Of a level without instances.
-    pub(crate) fn new(near: Near) -> Self {
-        Self { near, far_share: 0.0 }
+    /// Of a level whose instances ask for no more than `far_share`; 0 if it has none.
+    pub(crate) fn new(near: Near, far_share: f64) -> Self {
+        Self { near, far_share }
     }
 
     /// Whether [`Slack::at`] is `UNIT_ROUNDOFF * SLACK` times the distance, and no more.
     pub(crate) fn is_of_triangles(&self) -> bool {
         self.far_share == 0.0
-    }
-
-    /// Takes in an instance of a level with slack `inner`; returns by how much its own box is to be
-    /// widened.
-    pub(crate) fn include(
-        &mut self,
-        inner: &Self,
-        object_from_world: &Affine,
-        world_from_object: &[[f64; 4]; 3],
-    ) -> f32 {
-        let a = object_from_world.0.map(|row| row.map(f64::from));
-        let [m, n] = [row_sum(&a), row_sum(world_from_object)];
-        let (k, v) = absolute_products(world_from_object, &a);
-        let Near { reach, coordinate_max } = self.near;
-
-        let inside = n * inner.accepted_within(m * reach);
-        let moving = 4.0 * (k * (2.0 * reach + 3.0 * coordinate_max) + v);
-        let far_share =
-            n * m * (f64::from(SLACK) + 2.0 * SLAB_ROUNDING + inner.far_share) + 8.0 * k;
-        self.far_share = self.far_share.max(far_share);
-        crate::math::rounding::up(MARGIN * f64::from(UNIT_ROUNDOFF) * (inside + moving))
     }
 
     /// How far outside its box, in units of `u`, a hit of this level may be accepted.

@@ -1,12 +1,12 @@
 //! What a walk walks: one level of a scene, with the levels that its instances lead to.
 
+use super::placements::{Instance, Instances};
 use super::slack::Slack;
 use crate::bounds::Aabb;
 use crate::geometry::Mesh;
 use crate::layout::compact::Compact;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Plain, Wide};
-use crate::math::Affine;
 use crate::simd::Checked;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -54,25 +54,17 @@ impl Layout {
     }
 }
 
-/// Another level, placed into this one.
-#[derive(Clone, Debug)]
-pub(crate) struct Instance {
-    /// What is placed.
-    pub(crate) structure: Arc<Structure>,
-    /// As the caller gave it.
-    pub(crate) world_from_object: Affine,
-    /// As rays are transformed.
-    pub(crate) object_from_world: Affine,
-    /// Around what is placed, in this level's space, widened as `slack` says; empty if there is
-    /// nothing in it.
-    pub(crate) bounds: Aabb,
-    /// What this instance adds to the rank of the path that leads to this level.
-    pub(crate) rank: u64,
-    pub(crate) mask: u32,
+/// What a tree costs.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Price {
+    /// What a line that meets the root pays, when the tree was built.
+    pub(crate) built: f64,
+    /// The half areas of all children now.
+    pub(crate) areas: f64,
 }
 
 /// A mesh of a level.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct Geometry {
     pub(crate) mesh: Mesh,
     pub(crate) mask: u32,
@@ -88,7 +80,7 @@ pub(crate) struct Structure {
     /// Whether every ray sees all geometries.
     pub(crate) unmasked: bool,
     /// In the caller's order.
-    pub(crate) instances: Vec<Instance>,
+    pub(crate) instances: Instances,
     pub(crate) layout: Layout,
     /// Around everything.
     pub(crate) bounds: Aabb,
@@ -109,13 +101,17 @@ pub(crate) struct Structure {
     pub(crate) repeats: bool,
     /// Instance paths, this level's empty path included.
     pub(crate) paths: u64,
+    /// Around the meshes.
+    pub(crate) around_meshes: Aabb,
+    /// What the tree costs; where nobody has asked yet, it is as it was built.
+    pub(crate) price: Option<Price>,
 }
 
 impl Structure {
     /// The instance that is entry `at` of the leaves' instances.
     #[inline(always)]
     pub(crate) fn leaf_instance(&self, at: usize) -> &Instance {
-        &self.instances[self.leaf_instances[at] as usize]
+        self.instances.at(self.leaf_instances[at] as usize)
     }
 
     /// The geometry and the triangle in it that an id names.
@@ -158,10 +154,11 @@ impl core::fmt::Debug for Structure {
 /// Frees level by level: scenes may be nested more deeply than the machine's stack is.
 impl Drop for Structure {
     fn drop(&mut self) {
-        let mut pending: Vec<_> = self.instances.drain(..).map(|i| i.structure).collect();
+        let mut pending = Vec::new();
+        core::mem::take(&mut self.instances).into_structures(&mut pending);
         while let Some(structure) = pending.pop() {
             if let Some(mut structure) = Arc::into_inner(structure) {
-                pending.extend(structure.instances.drain(..).map(|i| i.structure));
+                core::mem::take(&mut structure.instances).into_structures(&mut pending);
             }
         }
     }

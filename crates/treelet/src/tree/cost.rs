@@ -67,12 +67,19 @@ impl Tree {
     /// [`Tree::stats`], to be stopped at any time.
     pub(crate) fn measure(&self, cancel: &Cancel) -> Result<TreeStats, Cancelled> {
         let constants = SahConstants::default();
-        let met = self.chances();
         let mut stats = TreeStats { nodes: self.nodes.len() as u64, ..TreeStats::default() };
         let mut depths = alloc::vec![1; self.nodes.len()];
+        // Divided once, not node by node.
+        let root = self.bounds().half_area();
+        let flat = root <= 0.0;
+        let mut area = 0.0;
         for (at, node) in self.nodes.iter().enumerate() {
             cancel.check()?;
-            stats.sah += constants.price(node) * met(node);
+            if !flat {
+                area += constants.price(node) * node.bounds.half_area();
+            } else {
+                area += constants.price(node);
+            }
             let depth: u32 = depths[at];
             stats.depth = stats.depth.max(depth);
             match node.kind() {
@@ -84,6 +91,7 @@ impl Tree {
                 }
             }
         }
+        stats.sah = if flat { area } else { area / root };
         Ok(stats)
     }
 

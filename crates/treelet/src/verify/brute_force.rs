@@ -80,7 +80,7 @@ impl<'a> BruteForce<'a> {
             prepared.into_iter().map(|prepared| (structure, prepared, 0_u64)).collect();
         while let Some((level, prepared, inst)) = open.pop() {
             self.test_level(level, &prepared, ray, inst, &mut hits);
-            for instance in &level.instances {
+            for instance in level.instances.iter() {
                 if instance.mask & ray.mask == 0 || instance.bounds.is_empty() {
                     continue;
                 }

@@ -12,6 +12,8 @@ use treelet_bench::rivals::{self, embree};
 use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
+use super::figure::FigureFlags;
+use super::page::PageFlags;
 use crate::input::SceneFlags;
 use crate::session::Session;
 
@@ -19,11 +21,14 @@ use crate::session::Session;
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Scene files, or scenes that are made: `fractal-terrain[:N]`, `soup[:N]` with N triangles.
-    #[arg(required = true, value_name = "SCENE")]
+    #[arg(required_unless_present = "entrant", value_name = "SCENE")]
     pub(super) scenes: Vec<PathBuf>,
 
     #[command(flatten)]
     pub(super) scene_flags: SceneFlags,
+
+    #[command(flatten)]
+    pub(super) page: PageFlags,
 
     /// Rivals to measure against; one that is not there is skipped with a line that says so.
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
@@ -33,21 +38,23 @@ pub(crate) struct Flags {
     /// Kinds of rays [default: all].
     #[arg(long, value_delimiter = ',', value_name = "KIND,..")]
     #[arg(value_parser = clap::builder::PossibleValuesParser::new(Kind::ALL.map(Kind::name)))]
-    kinds: Vec<String>,
+    pub(super) kinds: Vec<String>,
 
-    /// Rays of each kind.
-    #[arg(long, value_name = "N", default_value_t = 1 << 20)]
+    /// Rays of each kind [default: 1048576; of a figure 131072, of a quick one 32768].
+    #[arg(long, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=1 << 28))]
-    rays: u64,
+    rays: Option<u64>,
 
-    /// Rounds in which every engine takes its turn; an interval of 95 % needs 6.
-    #[arg(long, value_name = "N", default_value_t = 7)]
+    /// Rounds in which every engine takes its turn; an interval of 95 % needs 6 [default: 7; of a quick
+    /// figure 3].
+    #[arg(long, value_name = "N")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=10_000))]
-    rounds: u64,
+    rounds: Option<u64>,
 
-    /// Seconds that each engine runs in a round, at least.
-    #[arg(long, value_name = "S", default_value_t = 0.3, value_parser = seconds)]
-    seconds: f64,
+    /// Seconds that each engine runs in a round, at least [default: 0.3; of a figure 0.1, of a quick one
+    /// 0.02].
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    seconds: Option<f64>,
 
     /// Quality levels or builders of treelet's to measure, perhaps with a layout or an instruction
     /// set, such as "binned-sah avx2" [default: those that the marks need].
@@ -67,6 +74,9 @@ pub(crate) struct Flags {
     #[arg(long, value_delimiter = ',', value_name = "N,..")]
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     slice: Vec<u64>,
+
+    #[command(flatten)]
+    pub(super) figure: FigureFlags,
 
     /// Do not measure the most memory that each build takes, which needs a process of its own.
     #[arg(long)]
@@ -117,9 +127,10 @@ fn seconds(text: &str) -> Result<f64, String> {
     seconds.ok_or_else(|| "give seconds in 0 ..= 3600".to_owned())
 }
 
-/// What the flags ask for.
-pub(super) fn plan(flags: &Flags, session: &Session) -> Plan {
-    let all = usize::try_from(flags.rays).unwrap_or(usize::MAX);
+/// What the flags ask for; `rays` and `rounds` where they do not say.
+pub(super) fn plan(flags: &Flags, session: &Session, rays: usize, rounds: Rounds) -> Plan {
+    let whole = |count: u64| usize::try_from(count).unwrap_or(usize::MAX);
+    let all = flags.rays.map_or(rays, whole);
     let order = |order: &OrderFlag| match order {
         OrderFlag::Given => Order::Given,
         OrderFlag::Shuffled => Order::Shuffled,
@@ -139,8 +150,8 @@ pub(super) fn plan(flags: &Flags, session: &Session) -> Plan {
         ),
         rays: all,
         rounds: Rounds {
-            count: usize::try_from(flags.rounds).unwrap_or(usize::MAX),
-            seconds: flags.seconds,
+            count: flags.rounds.map_or(rounds.count, whole),
+            seconds: flags.seconds.unwrap_or(rounds.seconds),
         },
         clock: match flags.clock {
             ClockFlag::Wall => Clock::Wall,

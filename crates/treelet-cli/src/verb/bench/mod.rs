@@ -1,6 +1,8 @@
 //! `treelet bench`: treelet and its rivals on the same triangles and the same rays.
 
+mod figure;
 mod flags;
+mod page;
 mod pages;
 mod peaks;
 mod steps;
@@ -10,6 +12,7 @@ pub(crate) use flags::Flags;
 
 use treelet_bench::crew::Clock;
 use treelet_bench::report::{EngineLine, Machine, Missing, Report};
+use treelet_bench::rounds::Rounds;
 use treelet_bench::run::{self, BenchError, Plan};
 use treelet_bench::{marks, table};
 
@@ -19,17 +22,29 @@ use flags::{HugePages, engines, plan};
 use steps::Steps;
 use subject::subject;
 
+/// Rays of each kind, unless somebody asks for more or fewer.
+const RAYS: usize = 1 << 20;
+
 /// Measures scene after scene.
 pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     if let Some(what) = &flags.peak_of {
         return peaks::here(what, &flags, session);
+    }
+    if flags.scenes.is_empty() {
+        return page::of_entrants(&flags, session);
     }
     if flags.hugepages == HugePages::All {
         pages::allow()?;
     } else {
         pages::forbid();
     }
-    let plan = plan(&flags, session);
+    if flags.figure.figure {
+        return figure::run(&flags, session);
+    }
+    if flags.page.report.is_some() {
+        return Err(Failure::Usage("--report: the page is of a figure; add --figure".into()));
+    }
+    let plan = plan(&flags, session, RAYS, Rounds::default());
     let (mut engines, missing) = engines(&flags);
     for Missing { name, reason } in &missing {
         warn(&format!("{name} is left out: {reason}"));
@@ -93,7 +108,8 @@ fn machine(flags: &Flags, plan: &Plan) -> Machine {
         clock: match plan.clock {
             Clock::Wall => "wall",
             Clock::Processor => "processor",
-        },
+        }
+        .to_owned(),
         rounds: plan.rounds.count,
         seconds: plan.rounds.seconds,
     }

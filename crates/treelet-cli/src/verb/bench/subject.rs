@@ -35,7 +35,7 @@ pub(super) fn subject(scene: &Path, flags: &Flags, session: &Session) -> Result<
 }
 
 /// The file's name without folders, wrapper and format.
-fn scene_name(scene: &Path) -> String {
+pub(super) fn scene_name(scene: &Path) -> String {
     let name = scene.file_name().unwrap_or_default().to_string_lossy();
     let name = name.trim_end_matches(".gz").trim_end_matches(".zst");
     name.rsplit_once('.').map_or(name, |(stem, _)| stem).to_owned()

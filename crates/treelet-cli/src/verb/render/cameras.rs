@@ -1,6 +1,7 @@
 //! Which camera a picture is taken with.
 
 use serde::Serialize;
+use treelet::bounds::Aabb;
 use treelet::math::{Affine, vec3};
 use treelet_model::{Camera, PlacedModel};
 
@@ -37,24 +38,30 @@ pub(super) fn list(input: Input) -> Result<Outcome, Failure> {
     Outcome::new("render", &Report { scene: input.name, cameras }, Ending::Done)
 }
 
-/// The camera of the command line, of the file, or one that sees everything.
-pub(super) fn choose(
-    flags: &Flags,
-    input: &Input,
-    placed: &PlacedModel,
-) -> Result<Camera, Failure> {
+/// Which camera is meant.
+pub(super) enum Choice {
+    /// One of the scene's, by its place in the list; it may move.
+    OfScene(usize),
+    /// One that stands still.
+    Still(Camera),
+    /// Nobody named one, and the scene has none.
+    Framing,
+}
+
+/// The camera of the command line or of the file.
+pub(super) fn choice(flags: &Flags, input: &Input) -> Result<Choice, Failure> {
     let cameras = &input.model.cameras;
     match &flags.camera {
         Some(CameraChoice::Words(words)) => {
-            let camera = words.camera(input.up);
+            let camera = words.camera(input.up).map(Choice::Still);
             camera.ok_or_else(|| Failure::Usage("--camera: the numbers are too large".into()))
         }
         Some(CameraChoice::Name(name)) => {
             // By name, or by number as `--cameras` counts.
             let number = name.parse::<usize>().ok().and_then(|number| number.checked_sub(1));
-            let named = cameras.iter().find(|camera| camera.name == *name);
-            let found = named.or_else(|| cameras.get(number?));
-            found.cloned().ok_or_else(|| {
+            let named = cameras.iter().position(|camera| camera.name == *name);
+            let found = named.or_else(|| number.filter(|&number| number < cameras.len()));
+            found.map(Choice::OfScene).ok_or_else(|| {
                 let known: Vec<&str> = cameras.iter().map(|camera| camera.name.as_str()).collect();
                 let known = if known.is_empty() { "none".into() } else { known.join(", ") };
                 Failure::Usage(format!(
@@ -63,12 +70,28 @@ pub(super) fn choose(
                 ))
             })
         }
-        None => {
-            let aspect = flags.size.width as f32 / flags.size.height as f32;
-            let framing = || Camera::framing(&placed.scene.bounds(), input.up, aspect);
-            Ok(cameras.first().cloned().unwrap_or_else(framing))
-        }
+        None if cameras.is_empty() => Ok(Choice::Framing),
+        None => Ok(Choice::OfScene(0)),
     }
+}
+
+/// The camera of the command line, of the file, or one that sees everything.
+pub(super) fn choose(
+    flags: &Flags,
+    input: &Input,
+    placed: &PlacedModel,
+) -> Result<Camera, Failure> {
+    Ok(match choice(flags, input)? {
+        Choice::OfScene(camera) => input.model.cameras[camera].clone(),
+        Choice::Still(camera) => camera,
+        Choice::Framing => framing(flags, input, &placed.scene.bounds()),
+    })
+}
+
+/// A camera that sees all of a box.
+pub(super) fn framing(flags: &Flags, input: &Input, bounds: &Aabb) -> Camera {
+    let aspect = flags.size.width as f32 / flags.size.height as f32;
+    Camera::framing(bounds, input.up, aspect)
 }
 
 /// The camera, turned around the middle of the scene by a share of the circle.

@@ -25,8 +25,12 @@ impl<'a> Picture<'a> {
     /// The picture in `output`, so many stops brighter than usual.
     pub(super) fn new(output: &'a Output, stops: f32) -> Self {
         let format = Format::of(output.path()).unwrap_or(Format::Png);
-        let tone = ToneMap { exposure: ToneMap::default().exposure * libm::exp2f(stops) };
-        Self { output, format, tone }
+        Self { output, format, tone: tone(stops) }
+    }
+
+    /// Whether a file of that name has room for layers.
+    pub(super) fn is_layered(file: &Path) -> bool {
+        Format::of(file) == Some(Format::Exr)
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -63,6 +67,11 @@ impl<'a> Picture<'a> {
         };
         Ok(self.output.replace(&bytes)?)
     }
+}
+
+/// How light is shown, so many stops brighter than usual.
+pub(super) fn tone(stops: f32) -> ToneMap {
+    ToneMap { exposure: ToneMap::default().exposure * libm::exp2f(stops) }
 }
 
 /// `treelet.png` has `treelet.raw.png` beside it.

@@ -8,6 +8,7 @@ use clap::builder::{PathBufValueParser, RangedU64ValueParser, TypedValueParser a
 use clap::{Args, ValueEnum};
 use treelet_render::Settings;
 
+use super::clip::FrameRange;
 use super::light::LightChoice;
 use super::passes::TIME;
 use crate::camera::CameraChoice;
@@ -75,6 +76,25 @@ pub(crate) struct Flags {
     /// So many pictures on a circle around the middle of the scene: FILE.000.png and so on.
     #[arg(long, value_name = "N", conflicts_with_all = ["cameras", "aov", "compare"], value_parser = RangedU64ValueParser::<u32>::new().range(1..=9999))]
     pub(super) turntable: Option<u32>,
+
+    /// Play a clip, a picture a frame: `0..120` is 120 frames, `0..=120` one more, `7` that one alone,
+    /// `..` the whole clip once. Frame N shows the time N / fps; past its end a clip begins anew. `#`s
+    /// in the name of -o stand for the number, as in out.####.png.
+    #[arg(long, value_name = "A..B", conflicts_with_all = ["cameras", "turntable", "aov", "compare", "show"])]
+    pub(super) frames: Option<FrameRange>,
+
+    /// Frames a second [default: 24].
+    #[arg(long, value_name = "N", value_parser = frame_rate)]
+    pub(super) fps: Option<f64>,
+
+    /// The clip to play, by its name or by its number, from 1 [default: the first].
+    #[arg(long, value_name = "NAME | N")]
+    pub(super) clip: Option<String>,
+
+    /// Make the frames a video: of any kind that ffmpeg writes, or an animated .png; without ffmpeg it
+    /// is an animated .png. The frames are kept, too, if -o has `#`s [default --frames: ..].
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["cameras", "turntable", "aov", "compare", "show"])]
+    pub(super) video: Option<PathBuf>,
 
     /// A picture of all that is far away, as light and background: .hdr, .exr or another picture, in
     /// longitude and latitude.
@@ -204,6 +224,14 @@ fn seconds(text: &str) -> Result<Duration, String> {
     let seconds = text.parse().ok().filter(|&time: &f64| time > 0.0 && time <= LONGEST);
     let seconds = seconds.and_then(|time| Duration::try_from_secs_f64(time).ok());
     seconds.ok_or_else(|| "a number of seconds above 0 and up to 1e9 is needed".into())
+}
+
+/// The slowest and the fastest clip, frames a second.
+const RATES: std::ops::RangeInclusive<f64> = 0.01..=1000.0;
+
+fn frame_rate(text: &str) -> Result<f64, String> {
+    let rate = text.parse().ok().filter(|rate| RATES.contains(rate));
+    rate.ok_or_else(|| "a number of frames a second from 0.01 to 1000 is needed".into())
 }
 
 fn stops(text: &str) -> Result<f32, String> {

@@ -1,11 +1,15 @@
 //! `treelet render`: a picture of a scene, better with every pass.
 
+mod apng;
 mod cameras;
+mod clip;
 mod files;
 mod flags;
+mod frames;
 mod light;
 mod passes;
 mod report;
+mod video;
 
 use std::time::Instant;
 
@@ -35,6 +39,10 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         return cameras::list(Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?);
     }
 
+    if flags.frames.is_some() || flags.video.is_some() {
+        return frames::run(&flags, session);
+    }
+
     // Check what can be checked before time is spent.
     let output = Output::prepare(&flags.output)?;
     let layers = files::layer_files(&flags)?;
@@ -48,6 +56,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     // Read the scene and build its tree.
     let mut input = Input::load(flags.scene.as_ref(), &flags.scene_flags, session)?;
     add_environment(&flags, &mut input)?;
+    clip::tell(&input.model);
     let optimizers = flags.tree.optimizers();
     let estimate = flags.rays(session.threads);
     let options = flags.tree.options(optimizers.as_deref(), estimate);
@@ -190,7 +199,7 @@ impl Job<'_> {
         let renderer = Renderer::new(&self.input.model, self.placed, camera, settings)?;
         let mut film = renderer.film()?;
         let picture = Picture::new(output, self.flags.exposure);
-        let made = passes::make_passes(&renderer, &mut film, &self.goal, &picture, self.session)?;
+        let made = passes::make_passes(&renderer, &mut film, &self.goal, Some(&picture), self.session)?;
         let mut means = film.means()?;
         if raw.is_some() || picture.has_layers() {
             match renderer.layers(&self.session.cancel) {

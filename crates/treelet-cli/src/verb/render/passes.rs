@@ -56,6 +56,8 @@ impl Goal {
 pub(super) struct Made {
     pub(super) stats: PassStats,
     pub(super) time: Duration,
+    /// Whether Ctrl-C came before the goal was reached.
+    pub(super) is_cut_short: bool,
 }
 
 impl Made {
@@ -66,13 +68,13 @@ impl Made {
     }
 }
 
-/// Adds passes to the film, and writes the picture after the first, every few seconds, and at the
-/// end. Ctrl-C discards the pass under way.
+/// Adds passes to the film, and writes the picture, if one is given, after the first, every few
+/// seconds, and at the end. Ctrl-C discards the pass under way.
 pub(super) fn make_passes(
     renderer: &Renderer<'_>,
     film: &mut Film,
     goal: &Goal,
-    picture: &Picture<'_>,
+    picture: Option<&Picture<'_>>,
     session: &Session,
 ) -> Result<Made, Failure> {
     let line = goal.line();
@@ -84,11 +86,16 @@ pub(super) fn make_passes(
             Ok(Some(stats)) => made.stats = made.stats.and(stats),
             Ok(None) => break,
             Err(RenderError::Cancelled) if film.passes() == 0 => return Err(Failure::Cancelled),
-            Err(RenderError::Cancelled) => break,
+            Err(RenderError::Cancelled) => {
+                made.is_cut_short = true;
+                break;
+            }
             Err(error) => return Err(error.into()),
         }
         made.time = start.elapsed();
-        if written == 0 || write_time.elapsed() >= WRITE_EVERY {
+        if let Some(picture) = picture
+            && (written == 0 || write_time.elapsed() >= WRITE_EVERY)
+        {
             picture.write(film)?;
             if written == 0 {
                 line.say(&format!("first pass in {}", picture.path().display()));
@@ -109,7 +116,9 @@ pub(super) fn make_passes(
             break;
         }
     }
-    if written != film.passes() {
+    if let Some(picture) = picture
+        && written != film.passes()
+    {
         picture.write(film)?;
     }
     Ok(made)

@@ -1,4 +1,21 @@
-//! Motion as a file tells it. Kept for whoever will play it; nothing does yet.
+//! Motion: clips, the nodes that they move, and what hangs on those: placements, cameras, lights, and
+//! meshes that bend with skins and morph targets.
+//!
+//! After the Khronos Group's "glTF 2.0 Specification", version 2.0.1, sections 3.7.2, 3.7.3 and 3.11.
+//! All of it is plain data beside the model ([`Rig`], [`Animation`]); [`crate::Model::pose`] puts the
+//! model into the pose of a time and tells what that changed. A pose follows from the clip and the
+//! time alone, never from the pose before, so frames can be made in any order.
+//!
+//! Transforms are composed in f64 and rounded once; there are no other sines than those of `libm`.
+
+mod deform;
+mod pose;
+mod rig;
+mod sample;
+pub mod transform;
+
+pub use pose::{Changes, PoseError};
+pub use rig::{Deformer, Influences, Joint, Local, Mount, Node, Rig, Shape, Skin, Target};
 
 /// A clip: channels that play together.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -12,7 +29,7 @@ pub struct Animation {
 /// One property of one node over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Channel {
-    /// Index of the node in the file.
+    /// Index of the node in the file, and in [`Rig::nodes`].
     pub node: usize,
     /// Names of the nodes from the root to this one, with `/` between; unnamed ones as `#index`.
     pub path: String,
@@ -20,7 +37,7 @@ pub struct Channel {
     pub property: Property,
     /// What lies between keys.
     pub interpolation: Interpolation,
-    /// Seconds of the keys, rising.
+    /// Seconds of the keys; none is before the one before it.
     pub times: Vec<f32>,
     /// The values of all keys, one key after the other. A key has [`Property::components`] numbers,
     /// three times as many (in-tangent, value, out-tangent) for [`Interpolation::CubicSpline`].

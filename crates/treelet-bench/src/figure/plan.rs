@@ -1,0 +1,124 @@
+//! What a figure is made of: which variants, which rays, how often.
+
+use serde::Serialize;
+use treelet::{Quality, Ray, build};
+
+use crate::crew::Clock;
+use crate::engine::Engine;
+use crate::rays::Kind;
+use crate::report::{Machine, Order};
+use crate::rivals::treelet as ours;
+use crate::run::Plan;
+
+/// The kinds of rays that figures show unless told otherwise.
+pub const KINDS: [Kind; 3] = [Kind::Primary, Kind::Occlusion, Kind::Diffuse];
+
+/// Compositions worth drawing beside every builder and every quality level: what the library may
+/// choose, so that hindsight knows it too, and the paper's builder with its splitting.
+pub const COMPOSITIONS: [&str; 9] = [
+    "hploc+top-reinsertion",
+    "hploc+reinsertion",
+    "presplit+hploc+reinsertion",
+    "presplit+trbvh",
+    "presplit+binned-sah+reinsertion",
+    "aac+reinsertion",
+    "sweep-sah+reinsertion",
+    "sbvh+top-reinsertion",
+    "sbvh+reinsertion",
+];
+
+/// Rays that follow each other, of which a stretch is either timed or given to the library to try: long
+/// enough to be as coherent as their neighbours.
+const STRETCH: usize = 256;
+
+/// Of so many stretches one is given to the library.
+const PILOT_EVERY: usize = 3;
+
+/// What is measured.
+#[derive(Clone, Debug)]
+pub struct FigurePlan {
+    /// Kinds, threads, rounds, clock and variants; its orders and slices are not looked at.
+    pub base: Plan,
+    /// Rays of each kind that are timed.
+    pub rays: usize,
+    /// Fewer builds, fewer choices, coarser measures.
+    pub quick: bool,
+    /// Numbers of rays for which the library is asked to choose.
+    pub choices: Vec<u64>,
+}
+
+/// What two runs must have in common to be parts of one figure.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Settings {
+    version: &'static str,
+    processor: String,
+    system_huge_pages: String,
+    kinds: Vec<&'static str>,
+    threads: Vec<usize>,
+    rays: usize,
+    rounds: usize,
+    seconds: f64,
+    clock: String,
+    quick: bool,
+    engines: Vec<String>,
+    builders: Vec<String>,
+    variants: Vec<String>,
+    choices: Vec<u64>,
+}
+
+impl FigurePlan {
+    /// The usual figure of what `base` asks for.
+    pub fn new(base: Plan, quick: bool) -> Self {
+        let rays = base.rays;
+        // So many that as many as asked for are left when the library has its part.
+        let all = rays.saturating_mul(PILOT_EVERY).div_ceil(PILOT_EVERY - 1);
+        let base = Plan { rays: all, orders: vec![Order::Given], slices: Vec::new(), ..base };
+        // From 10^4 to 10^11, a decade or half of one apart.
+        let step = if quick { 2 } else { 1 };
+        let choices =
+            (8..=22).step_by(step).map(|half| 10f64.powf(f64::from(half) / 2.0).round() as u64);
+        Self { base, rays, quick, choices: choices.collect() }
+    }
+
+    /// An engine's variants that are drawn.
+    pub(super) fn variants_of(&self, engine: &dyn Engine) -> Vec<String> {
+        if engine.name() != ours::NAME || !self.base.builders.is_empty() {
+            return self.base.variants_of(engine);
+        }
+        let builders = build::ALL.iter().map(|builder| builder.info().name);
+        let levels = Quality::ALL.iter().map(|level| level.name());
+        builders.chain(levels).chain(COMPOSITIONS).map(str::to_owned).collect()
+    }
+
+    /// Parts the rays: those that are timed, and a sample of the same kind that is not.
+    pub(super) fn parted(&self, rays: &[Ray]) -> (Vec<Ray>, Vec<Ray>) {
+        let (mut timed, mut pilot) = (Vec::new(), Vec::new());
+        for (index, stretch) in rays.chunks(STRETCH).enumerate() {
+            let part = if index % PILOT_EVERY == 1 { &mut pilot } else { &mut timed };
+            part.extend_from_slice(stretch);
+        }
+        (timed, pilot)
+    }
+
+    /// What another run must have in common with this one to go on with it.
+    pub(super) fn settings(&self, engines: &[Box<dyn Engine>]) -> Settings {
+        let Plan { kinds, threads, rounds, clock, builders, variants, .. } = &self.base;
+        let engine = |engine: &dyn Engine| format!("{} {}", engine.name(), engine.version());
+        Settings {
+            version: env!("CARGO_PKG_VERSION"),
+            processor: Machine::processor_name(),
+            system_huge_pages: Machine::huge_pages_setting(),
+            kinds: kinds.iter().map(|kind| kind.name()).collect(),
+            threads: threads.clone(),
+            rays: self.rays,
+            rounds: rounds.count,
+            seconds: rounds.seconds,
+            clock: if *clock == Clock::Wall { "wall".into() } else { "processor".into() },
+            quick: self.quick,
+            engines: engines.iter().map(|it| engine(&**it)).collect(),
+            builders: builders.clone(),
+            variants: variants.clone(),
+            choices: self.choices.clone(),
+        }
+    }
+}

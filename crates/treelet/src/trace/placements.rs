@@ -1,0 +1,107 @@
+//! The instances of a level, in blocks that snapshots share: an edit of one copies its block, not all.
+
+use super::slack::Near;
+use super::structure::Structure;
+use crate::bounds::Aabb;
+use crate::math::Affine;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+/// Instances of a block; all blocks but the last are full.
+///
+/// One move among 50,000 copies a block and a list of blocks: 39 KB and 2 KB.
+pub(crate) const BLOCK: usize = 256;
+
+/// Another level, placed into this one.
+#[derive(Clone, Debug)]
+pub(crate) struct Instance {
+    /// What is placed.
+    pub(crate) structure: Arc<Structure>,
+    /// As the caller gave it.
+    pub(crate) world_from_object: Affine,
+    /// As rays are transformed.
+    pub(crate) object_from_world: Affine,
+    /// Around what is placed, in this level's space, widened as `slack` says; empty if there is
+    /// nothing in it.
+    pub(crate) bounds: Aabb,
+    /// What this instance adds to the rank of the path that leads to this level.
+    pub(crate) rank: u64,
+    pub(crate) mask: u32,
+}
+
+/// A block, and what the level needs to know of it as a whole.
+#[derive(Debug)]
+pub(crate) struct Block {
+    pub(crate) items: Vec<Instance>,
+    /// Contains the images of the reaches of all of them.
+    pub(crate) reach: Aabb,
+    /// What near means inside, seen from this level: see [`Near::limit`].
+    pub(crate) limit: f64,
+    /// The greatest that [`Near::widening`] said.
+    pub(crate) far_share: f64,
+    /// Paths that lead into them.
+    pub(crate) paths: u64,
+    /// Whether one of them holds a primitive in several leaves.
+    pub(crate) repeats: bool,
+    /// What their boxes were widened for.
+    pub(crate) near: Near,
+}
+
+impl Block {
+    pub(crate) fn first_rank(&self) -> Option<u64> {
+        self.items.first().map(|instance| instance.rank)
+    }
+}
+
+/// All instances of a level, in the caller's order.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Instances {
+    pub(crate) blocks: Vec<Arc<Block>>,
+    len: usize,
+}
+
+impl Instances {
+    /// Of full blocks, but for the last.
+    pub(crate) fn new(blocks: Vec<Arc<Block>>) -> Self {
+        let len = blocks.iter().map(|block| block.items.len()).sum();
+        Self { blocks, len }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.len
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// An instance that is there.
+    #[inline(always)]
+    pub(crate) fn at(&self, index: usize) -> &Instance {
+        &self.blocks[index / BLOCK].items[index % BLOCK]
+    }
+
+    pub(crate) fn get(&self, index: usize) -> Option<&Instance> {
+        self.blocks.get(index / BLOCK)?.items.get(index % BLOCK)
+    }
+
+    pub(crate) fn iter(&self) -> impl Iterator<Item = &Instance> + Clone {
+        self.blocks.iter().flat_map(|block| &block.items)
+    }
+
+    /// The last instance whose rank is not above `rank`, if there is one: ranks rise.
+    pub(crate) fn of_rank(&self, rank: u64) -> Option<(usize, &Instance)> {
+        let first = |block: &Arc<Block>| block.first_rank().is_some_and(|first| first <= rank);
+        let block = self.blocks.partition_point(first).checked_sub(1)?;
+        let items = &self.blocks[block].items;
+        let at = items.partition_point(|instance| instance.rank <= rank).checked_sub(1)?;
+        Some((block * BLOCK + at, &items[at]))
+    }
+
+    /// What is placed by instances that no other snapshot shares.
+    pub(crate) fn into_structures(self, structures: &mut Vec<Arc<Structure>>) {
+        for block in self.blocks.into_iter().filter_map(Arc::into_inner) {
+            structures.extend(block.items.into_iter().map(|instance| instance.structure));
+        }
+    }
+}
