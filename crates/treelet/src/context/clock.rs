@@ -1,4 +1,4 @@
-//! The clock, for reports only: nothing that decides an answer asks it.
+//! The clock, for reports and for choosing among builders: nothing that decides an answer asks it.
 
 use core::time::Duration;
 

@@ -47,7 +47,7 @@ impl Pilot<'_> {
 /// What was chosen, and why.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Choice {
-    /// For how many rays.
+    /// For how many rays. [`Quality::Auto`](super::Quality::Auto) expects as many as were asked before.
     pub rays: u64,
     /// What the scene was built with: the name of a [`Recipe`].
     pub variant: String,
@@ -58,7 +58,7 @@ pub struct Choice {
     pub choosing: Duration,
     /// Why this one, in a sentence.
     pub reason: String,
-    /// All that could have been chosen, cheapest build first.
+    /// All that could have been chosen; what is usually built sooner comes first.
     pub candidates: Vec<Candidate>,
 }
 
