@@ -13,12 +13,16 @@ use crate::run::Plan;
 /// The kinds of rays that figures show unless told otherwise.
 pub const KINDS: [Kind; 3] = [Kind::Primary, Kind::Occlusion, Kind::Diffuse];
 
-/// Compositions worth drawing beside every builder and every quality level.
-pub const COMPOSITIONS: [&str; 6] = [
+/// Compositions worth drawing beside every builder and every quality level: what the library may
+/// choose, so that hindsight knows it too, and the paper's builder with its splitting.
+pub const COMPOSITIONS: [&str; 9] = [
     "hploc+top-reinsertion",
     "hploc+reinsertion",
     "presplit+hploc+reinsertion",
     "presplit+trbvh",
+    "presplit+binned-sah+reinsertion",
+    "aac+reinsertion",
+    "sweep-sah+reinsertion",
     "sbvh+top-reinsertion",
     "sbvh+reinsertion",
 ];
@@ -71,7 +75,8 @@ impl FigurePlan {
         let base = Plan { rays: all, orders: vec![Order::Given], slices: Vec::new(), ..base };
         // From 10^4 to 10^11, a decade or half of one apart.
         let step = if quick { 2 } else { 1 };
-        let choices = (8..=22).step_by(step).map(|half| 10f64.powf(f64::from(half) / 2.0) as u64);
+        let choices =
+            (8..=22).step_by(step).map(|half| 10f64.powf(f64::from(half) / 2.0).round() as u64);
         Self { base, rays, quick, choices: choices.collect() }
     }
 

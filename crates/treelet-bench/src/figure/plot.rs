@@ -158,7 +158,7 @@ fn head(title: &str) -> String {
          {title}\">\n<style>{STYLE}</style>\n\
          <rect class=\"ground\" x=\"0.5\" y=\"0.5\" width=\"{}\" height=\"{}\" rx=\"6\"/>\n\
          <text class=\"word\" x=\"{LEFT}\" y=\"26\" font-size=\"15\" font-weight=\"600\">Rays a second, \
-         the build included, of what {YARDSTICK} traces</text>\n\
+         the build included, beside {YARDSTICK}'s tracing alone</text>\n\
          <text class=\"soft\" x=\"{LEFT}\" y=\"44\">{title}</text>\n",
         WIDTH - 1.0,
         HEIGHT - 1.0

@@ -3,6 +3,14 @@
 
 use alloc::vec::Vec;
 
+/// How many threads the caller's pool has: for expectations, never for answers or trees.
+pub(crate) fn threads() -> usize {
+    #[cfg(feature = "rayon")]
+    return rayon::current_num_threads();
+    #[cfg(not(feature = "rayon"))]
+    return 1;
+}
+
 /// `f` of each item, in the items' order.
 #[cfg(feature = "rayon")]
 pub(crate) fn map<T: Send, R: Send>(items: Vec<T>, f: impl Fn(T) -> R + Sync + Send) -> Vec<R> {

@@ -20,6 +20,7 @@ use crate::tree::{Kind, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::mem;
 use core::time::Duration;
 
 /// The most boxes that stand for a level when it is transformed.
@@ -30,7 +31,7 @@ pub(super) fn assemble(
     description: SceneBuilder,
     options: &BuildOptions<'_>,
 ) -> Result<Scene, SceneError> {
-    let gathered = Gathered::new(description, options)?;
+    let mut gathered = Gathered::new(description, options)?;
     if options.builder.is_none() && options.optimizers.is_none() {
         match options.quality {
             Quality::Rays(rays) => return choice::build(gathered, options, rays),
@@ -38,7 +39,7 @@ pub(super) fn assemble(
             _ => {}
         }
     }
-    gathered.into_scene(&options.plan(), options)
+    gathered.scene(&options.plan(), options, false)
 }
 
 /// Meshes and instances, checked and boxed: what any number of trees can be built over.
@@ -81,39 +82,29 @@ impl Gathered {
     }
 
     /// The time since gathering began.
-    #[expect(dead_code, reason = "the search for the best builder, next, needs it")]
     pub(super) fn elapsed(&self) -> Duration {
         self.clock.elapsed()
     }
 
-    /// The scene with the plan's tree.
-    pub(super) fn into_scene(
-        self,
-        plan: &Plan<'_>,
-        options: &BuildOptions<'_>,
-    ) -> Result<Scene, SceneError> {
-        let (tree, mut report) = self.tree(plan, options)?;
-        let Self { meshes, placements, mut prims, clock, .. } = self;
-        let structure =
-            finish(meshes, placements, &mut prims, tree, plan.collapse, options, false)?;
-        report.trace_bytes = level_bytes(&structure);
-        report.total_time = clock.elapsed();
-        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
-    }
-
-    /// The same, able to go on with another plan.
-    #[expect(dead_code, reason = "the search for the best builder, next, needs it")]
+    /// The scene with the plan's tree. Only what is built so that there may be others `again` leaves enough behind for
+    /// another one.
     pub(super) fn scene(
         &mut self,
         plan: &Plan<'_>,
         options: &BuildOptions<'_>,
+        again: bool,
     ) -> Result<Scene, SceneError> {
         let (tree, mut report) = self.tree(plan, options)?;
-        let (meshes, placements) = (self.meshes.clone(), self.placements.clone());
-        let structure =
-            finish(meshes, placements, &mut self.prims, tree, plan.collapse, options, true)?;
+        let Self { meshes, placements, prims, clock, .. } = self;
+        let (meshes, instances) = if again {
+            (meshes.clone(), placements.instances.clone())
+        } else {
+            (mem::take(meshes), mem::take(&mut placements.instances))
+        };
+        let placements = Placements { instances, ..*placements };
+        let structure = finish(meshes, placements, prims, tree, plan.collapse, options, again)?;
         report.trace_bytes = level_bytes(&structure);
-        report.total_time = self.clock.elapsed();
+        report.total_time = clock.elapsed();
         Ok(Scene { structure: Arc::new(structure), report: Arc::new(report) })
     }
 

@@ -4,18 +4,20 @@
 //! T. Karras and T. Aila, "Fast Parallel Construction of High-Quality Bounding Volume Hierarchies",
 //! HPG 2013, figure 1, draw that for any builder. Nobody who builds a scene should have to read that figure.
 
+pub(super) mod model;
+pub(super) mod pilot;
+pub(super) mod search;
 pub(super) mod table;
+mod words;
 
-use super::assemble::Gathered;
-use super::{BuildOptions, Quality, Recipe, Scene, SceneError};
-use crate::context::clock::Stopwatch;
+pub(super) use search::build;
+
+#[cfg(doc)]
+use super::Recipe;
 use crate::math::Ray;
-use alloc::borrow::ToOwned;
 use alloc::string::String;
-use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::time::Duration;
-use table::{CONTENDERS, RAY_NS};
 
 /// Some of the rays to come, for [`Quality::Rays`](super::Quality::Rays) and
 /// [`Quality::Auto`](super::Quality::Auto) to try trees with. No other quality looks at them.
@@ -71,42 +73,4 @@ pub struct Candidate {
     pub ray_ns: f64,
     /// Whether it was built here and its rays traced; otherwise both numbers are expected ones.
     pub measured: bool,
-}
-
-/// Builds what is chosen for `rays` rays.
-pub(super) fn build(
-    gathered: Gathered,
-    options: &BuildOptions<'_>,
-    rays: u64,
-) -> Result<Scene, SceneError> {
-    let clock = Stopwatch::start();
-    let prims = gathered.prims() as f64;
-    let candidates: Vec<_> = CONTENDERS
-        .iter()
-        .map(|contender| Candidate {
-            variant: contender.name.to_owned(),
-            build: Duration::from_nanos((prims * contender.build_ns) as u64),
-            ray_ns: RAY_NS * contender.slowness,
-            measured: false,
-        })
-        .collect();
-    let total = |candidate: &Candidate| {
-        candidate.build.as_secs_f64() + rays as f64 * candidate.ray_ns * 1e-9
-    };
-    let best = candidates.iter().min_by(|a, b| total(a).total_cmp(&total(b)));
-    let (variant, predicted) = best.map_or(("fastest", 0.0), |best| (&best.variant, total(best)));
-    let mut choice = Choice {
-        rays,
-        variant: variant.to_owned(),
-        predicted: Duration::try_from_secs_f64(predicted).unwrap_or(Duration::MAX),
-        choosing: clock.elapsed(),
-        reason: alloc::format!("{rays} rays are soonest answered by `{variant}`"),
-        ..Choice::default()
-    };
-    choice.candidates = candidates;
-    let recipe: Recipe = choice.variant.parse().unwrap_or(Quality::Fastest.into());
-    let chosen = BuildOptions { context: options.context.clone(), ..recipe.options() };
-    let mut scene = gathered.into_scene(&chosen.plan(), options)?;
-    Arc::make_mut(&mut scene.report).choice = Some(choice);
-    Ok(scene)
 }

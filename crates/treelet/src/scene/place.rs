@@ -21,7 +21,6 @@ const FIDELITY: f64 = 1.0 / 1024.0;
 const SCALE_MAX: f64 = (1_u128 << 80) as f64;
 
 /// The instances of a level, and what follows from where they are.
-#[derive(Clone)]
 pub(super) struct Placements {
     /// In the caller's order; a skipped one keeps its number and has an empty box.
     pub(super) instances: Vec<Instance>,

@@ -61,7 +61,7 @@ pub(super) fn run(flags: &Flags, session: &Session) -> Result<Outcome, Failure> 
         machine: Some(machine(flags, &plan.base)),
         engines: engines.iter().map(|it| format!("{} {}", it.name(), it.version())).collect(),
         left_out: missing,
-        command: std::env::args().collect(),
+        command: std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect(),
         ..Figure::default()
     };
     figure.engines.iter().for_each(|engine| say(engine));
