@@ -75,7 +75,7 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
             findings.push((
                 format!("{}\u{d7}", numbers::short(lead.factor)),
                 format!(
-                    "the speed of {engine}, each with its best tree, where {home} leads least: {} rays, {}",
+                    "the speed of {engine}, each with its best tree, where {home} does worst: {} rays, {}",
                     numbers::rays(lead.rays),
                     panel.title()
                 ),
@@ -86,7 +86,7 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
         findings.push((
             format!("{}\u{d7}", numbers::short(gain)),
             format!(
-                "as fast as {} its fastest tree is traced, on the geometric mean",
+                "the tracing speed of {}, by the fastest tree of each diagram; geometric mean",
                 source.names.ours(YARDSTICK)
             ),
         ));
@@ -106,7 +106,7 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
     }
     let errors: Vec<f64> = page.figure.choices.iter().filter_map(|choice| choice.error()).collect();
     if let Some(middle) = median(errors) {
-        let words = "off was the foretold time, choosing included, on the median";
+        let words = "between the foretold time and the measured one, choosing included; the median";
         findings.push((numbers::percent(middle), words.to_owned()));
     }
     findings
