@@ -28,7 +28,7 @@ const STRIPS: f64 = BOTTOM + 46.0;
 const STRIP_HEIGHT: f64 = 20.0;
 const STRIP_GAP: f64 = 26.0;
 /// How wide a letter of a strip's label is, at most.
-const LETTER: f64 = 6.7;
+const LETTER: f64 = 7.6;
 /// Most letters of a name at a curve's end.
 const LETTERS: usize = 29;
 /// Room above the highest curve.

@@ -53,7 +53,7 @@ pub struct HeatMaps {
     /// The maps, the costliest tree first.
     pub maps: Vec<HeatMap>,
     /// Nodes a ray at the end of the scale; it starts at 0.
-    pub end: f64,
+    pub end: u64,
     /// Colours of the scale, evenly spaced from its start to its end.
     pub ramp: Vec<[u8; 3]>,
 }
@@ -66,7 +66,7 @@ pub struct HeatMap {
     /// Mean over the pixels.
     pub mean: f64,
     /// Most of a pixel.
-    pub max: f64,
+    pub max: u64,
     /// The map.
     pub picture: Picture,
 }

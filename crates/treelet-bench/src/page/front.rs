@@ -75,7 +75,7 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
             findings.push((
                 format!("{}\u{d7}", numbers::short(lead.factor)),
                 format!(
-                    "the speed of {engine}, each with its best tree, where {home} leads least: {} rays, {}",
+                    "the speed of {engine}, each with its best tree, where {home} does worst: {} rays, {}",
                     numbers::rays(lead.rays),
                     panel.title()
                 ),
@@ -86,7 +86,7 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
         findings.push((
             format!("{}\u{d7}", numbers::short(gain)),
             format!(
-                "as fast as {} its fastest tree is traced, on the geometric mean",
+                "the tracing speed of {}, by the fastest tree of each diagram; geometric mean",
                 source.names.ours(YARDSTICK)
             ),
         ));
@@ -106,7 +106,7 @@ fn findings(page: &Page, source: &Source<'_>) -> Vec<(String, String)> {
     }
     let errors: Vec<f64> = page.figure.choices.iter().filter_map(|choice| choice.error()).collect();
     if let Some(middle) = median(errors) {
-        let words = "off was the foretold time, choosing included, on the median";
+        let words = "between the foretold time and the measured one, choosing included; the median";
         findings.push((numbers::percent(middle), words.to_owned()));
     }
     findings
@@ -179,40 +179,7 @@ pub(super) fn method(page: &Page, source: &Source<'_>) -> Markup {
     html! {
         section #method {
             h2 { "How it was measured" }
-            div.prose {
-                p {
-                    "Every entrant gets the same triangles and the same rays. A build is timed from the "
-                    "caller\u{2019}s arrays until the first ray can be asked; quick builds are made several "
-                    "times, and the median counts. Rays are asked one a call, in rounds in which the entrants take turns, "
-                    "so that whatever else the machine does hits all of them; the median of the rounds "
-                    "counts. Answers are compared before anything is timed."
-                }
-                p {
-                    "From these two numbers, build time " i { "B" } " and tracing speed " i { "R" }
-                    ", every curve follows: after " i { "n" } " rays " i { "B + n/R" }
-                    " seconds are gone, so " i { "n / (B + n/R)" } " rays a second were answered, the "
-                    "build included. The curve that is highest wins; where two cross is computed, not "
-                    "read off. Far right the builds no longer count and tracing speed is all that is left."
-                }
-                p {
-                    b { "SAH" } ", the surface area heuristic, is what a random ray should cost, counted "
-                    "in node visits and triangle tests; " b { "EPO" } ", end-point overlap, is the cost of "
-                    "boxes that hold surface which is not theirs; " b { "LCV" } ", leaf count variability, "
-                    "is how much the number of leaves differs from line to line. Lower is better for all "
-                    "three. (T. Aila, T. Karras, S. Laine, \u{201c}On Quality Metrics of Bounding Volume "
-                    "Hierarchies\u{201d}, High-Performance Graphics 2013; the figure itself is that of "
-                    "T. Karras and T. Aila, \u{201c}Fast Parallel Construction of High-Quality Bounding "
-                    "Volume Hierarchies\u{201d}, at the same conference.)"
-                }
-                @if !page.entrants.is_empty() {
-                    p {
-                        "Entrants from files were measured by whoever wrote the files, perhaps on another "
-                        "machine: " @for (i, file) in page.entrants.iter().enumerate() {
-                            @if i > 0 { ", " } code { (source.names.text(file)) }
-                        } "."
-                    }
-                }
-            }
+            (method_in_words(page, source))
             (tables::marks(page, source))
             (tables::facts(page, source))
             (tables::left_out(page, source))
@@ -220,6 +187,46 @@ pub(super) fn method(page: &Page, source: &Source<'_>) -> Markup {
                 h3 { "Command lines" }
                 pre.commands tabindex="0" {
                     @for command in &page.commands { code { (source.names.text(command)) "\n" } }
+                }
+            }
+        }
+    }
+}
+
+/// How it was measured, in plain words.
+fn method_in_words(page: &Page, source: &Source<'_>) -> Markup {
+    html! {
+        div.prose {
+            p {
+                "Every entrant gets the same triangles and the same rays. A build is timed from the "
+                "caller\u{2019}s arrays until the first ray can be asked; quick builds are made several "
+                "times, and the median counts. Rays are asked one a call, in rounds in which the entrants take turns, "
+                "so that whatever else the machine does hits all of them; the median of the rounds "
+                "counts. Answers are compared before anything is timed."
+            }
+            p {
+                "From these two numbers, build time " i { "B" } " and tracing speed " i { "R" }
+                ", every curve follows: after " i { "n" } " rays " i { "B + n/R" }
+                " seconds are gone, so " i { "n / (B + n/R)" } " rays a second were answered, the "
+                "build included. The curve that is highest wins; where two cross is computed, not "
+                "read off. Far right the builds no longer count and tracing speed is all that is left."
+            }
+            p {
+                b { "SAH" } ", the surface area heuristic, is what a random ray should cost, counted "
+                "in node visits and triangle tests; " b { "EPO" } ", end-point overlap, is the cost of "
+                "boxes that hold surface which is not theirs; " b { "LCV" } ", leaf count variability, "
+                "is how much the number of leaves differs from line to line. Lower is better for all "
+                "three. (T. Aila, T. Karras, S. Laine, \u{201c}On Quality Metrics of Bounding Volume "
+                "Hierarchies\u{201d}, High-Performance Graphics 2013; the figure itself is that of "
+                "T. Karras and T. Aila, \u{201c}Fast Parallel Construction of High-Quality Bounding "
+                "Volume Hierarchies\u{201d}, at the same conference.)"
+            }
+            @if !page.entrants.is_empty() {
+                p {
+                    "Entrants from files were measured by whoever wrote the files, perhaps on another "
+                    "machine: " @for (i, file) in page.entrants.iter().enumerate() {
+                        @if i > 0 { ", " } code { (source.names.text(file)) }
+                    } "."
                 }
             }
         }

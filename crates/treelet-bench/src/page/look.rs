@@ -84,8 +84,10 @@ impl Looks {
         if let Some(dash) = self.rivals.iter().position(|name| name == engine) {
             return Look::Rival(dash.min(DASHES - 1));
         }
-        let color = self.colored.iter().position(|name| name == variant);
-        color.map_or(Look::Plain, Look::Color)
+        let place = self.colored.iter().position(|name| name == variant);
+        // Few of them lie far apart.
+        let steps = self.colored.len().saturating_sub(1).max(1);
+        place.map_or(Look::Plain, |place| Look::Color(place * (COLORS - 1) / steps))
     }
 }
 

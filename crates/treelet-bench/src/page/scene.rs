@@ -112,11 +112,11 @@ fn heat_maps(source: &Source<'_>, heat: &HeatMaps) -> Markup {
                 figure {
                     (picture(&map.picture, &format!(
                         "Heat map of {name}: {} nodes a ray on the mean, {} at most",
-                        numbers::short(map.mean), numbers::short(map.max)
+                        numbers::short(map.mean), numbers::count(map.max)
                     )))
                     figcaption {
                         b { (name) } ": " (numbers::short(map.mean)) " nodes a ray on the mean, "
-                        (numbers::short(map.max)) " at most"
+                        (numbers::count(map.max)) " at most"
                     }
                 }
             }
@@ -124,7 +124,7 @@ fn heat_maps(source: &Source<'_>, heat: &HeatMaps) -> Markup {
         div.scale {
             span { "0" }
             span.ramp style={ "background-image:" (ramp) } {}
-            span { (numbers::short(heat.end)) " nodes" }
+            span { (numbers::count(heat.end)) " nodes" }
         }
         p.caption {
             "Nodes of the wide tree that the ray through a pixel enters before it knows its first hit: one "
@@ -136,6 +136,8 @@ fn heat_maps(source: &Source<'_>, heat: &HeatMaps) -> Markup {
 /// How wide the drawing of a curve is, and the most and the least that it is high.
 const CURVE_WIDTH: f64 = 1040.0;
 const CURVE_HEIGHT: std::ops::RangeInclusive<f64> = 160.0..=620.0;
+/// Colours along it.
+const CURVE_PIECES: usize = 16;
 /// Room around it.
 const CURVE_EDGE: f64 = 8.0;
 
@@ -150,13 +152,22 @@ fn curve_drawing(curve: &CurveDrawing, scene: &str, number: usize) -> Markup {
     let place = |[x, y]: [f32; 2]| {
         (left + f64::from(x) * width, CURVE_EDGE + (1.0 - f64::from(y)) * height)
     };
-    let mut path = String::new();
-    for (index, &point) in curve.path.iter().enumerate() {
-        let (x, y) = place(point);
-        let letter = if index == 0 { 'M' } else { 'L' };
-        // Writing into a string does not fail.
-        let _ = write!(path, "{letter}{x:.1} {y:.1}");
-    }
+    let piece = |points: &[[f32; 2]]| {
+        let mut path = String::new();
+        for (index, &point) in points.iter().enumerate() {
+            let (x, y) = place(point);
+            let letter = if index == 0 { 'M' } else { 'L' };
+            // Writing into a string does not fail.
+            let _ = write!(path, "{letter}{x:.1} {y:.1}");
+        }
+        path
+    };
+    // Pieces begin where the one before ended, each in a colour further along.
+    let length = curve.path.len().div_ceil(CURVE_PIECES).max(1);
+    let pieces = (0..curve.path.len()).step_by(length).map(|from| {
+        let to = (from + length + 1).min(curve.path.len());
+        (piece(&curve.path[from..to]), 100 * from / curve.path.len())
+    });
     let [first, second] = curve.axes;
     let words = format!(
         "{} of {} triangles' centres of {scene}, joined in Morton order, with the boxes of the first \
@@ -170,7 +181,9 @@ fn curve_drawing(curve: &CurveDrawing, scene: &str, number: usize) -> Markup {
             svg.morton role="img" aria-labelledby={ "m" (number) }
                 viewBox=(format!("0 0 {CURVE_WIDTH} {:.0}", height + 2.0 * CURVE_EDGE)) {
                 title id={ "m" (number) } { (words) }
-                path.walk d=(path) {}
+                @for (path, percent) in pieces {
+                    path.walk d=(path) style={ "--at:" (percent) "%" } {}
+                }
                 @for node in &curve.boxes {
                     @let (x0, y1) = place(node.lo);
                     @let (x1, y0) = place(node.hi);
@@ -184,8 +197,9 @@ fn curve_drawing(curve: &CurveDrawing, scene: &str, number: usize) -> Markup {
                 "The Morton curve visits triangles so that neighbours on it are neighbours in space, mostly; "
                 "a tree falls out of it by halving its cells. Here " (numbers::count(curve.path.len() as u64))
                 " of " (numbers::count(curve.of)) " centres in its order, seen along the shortest axis ("
-                (first) " to the right, " (second) " up), and the boxes of that tree\u{2019}s levels 1 to 4, "
-                "the first drawn boldest. Long jumps of the line are where the tree cuts."
+                (first) " to the right, " (second) " up), from orange where it begins to blue where it "
+                "ends, and the boxes of that tree\u{2019}s levels 1 to 4, the first drawn boldest. Long "
+                "jumps of the line are where the tree cuts."
             }
         }
     }

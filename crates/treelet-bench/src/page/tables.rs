@@ -87,8 +87,8 @@ fn tree_rows<'a>(
     rows
 }
 
-/// Every point of a scene: build time and tracing speed by kind.
-pub(super) fn points(source: &Source<'_>, scene: &str, panels: &[&Panel]) -> Markup {
+/// One point of each variant of each engine on a scene, the quickest to build first.
+fn point_rows<'a>(source: &Source<'a>, scene: &str) -> Vec<&'a Point> {
     let mut rows: Vec<&Point> = Vec::new();
     for point in source.figure.points.iter().filter(|point| point.scene == scene) {
         let same = |row: &&Point| {
@@ -100,6 +100,21 @@ pub(super) fn points(source: &Source<'_>, scene: &str, panels: &[&Panel]) -> Mar
         }
     }
     rows.sort_by(|a, b| a.build_s.total_cmp(&b.build_s));
+    rows
+}
+
+/// The tracing speed of a row's variant at a kind of rays, and whether it is the fastest.
+fn speed(source: &Source<'_>, row: &Point, kind: &str) -> Option<(f64, bool)> {
+    let panel = Panel { scene: row.scene.clone(), kind: kind.to_owned(), threads: row.threads };
+    let points = source.figure.points_of(&panel);
+    let fastest = points.iter().map(|point| point.mrays_per_s).fold(0.0, f64::max);
+    let same = |point: &&&Point| (&point.engine, &point.variant) == (&row.engine, &row.variant);
+    points.iter().find(same).map(|point| (point.mrays_per_s, point.mrays_per_s == fastest))
+}
+
+/// Every point of a scene: build time and tracing speed by kind.
+pub(super) fn points(source: &Source<'_>, scene: &str, panels: &[&Panel]) -> Markup {
+    let rows = point_rows(source, scene);
     let several = panels.iter().any(|panel| panel.threads != panels[0].threads);
     let mut kinds: Vec<&str> = Vec::new();
     for panel in panels {
@@ -107,13 +122,6 @@ pub(super) fn points(source: &Source<'_>, scene: &str, panels: &[&Panel]) -> Mar
             kinds.push(&panel.kind);
         }
     }
-    let speed = |row: &Point, kind: &str| {
-        let panel = Panel { scene: scene.to_owned(), kind: kind.to_owned(), threads: row.threads };
-        let points = source.figure.points_of(&panel);
-        let same = |point: &&&Point| (&point.engine, &point.variant) == (&row.engine, &row.variant);
-        let fastest = points.iter().map(|point| point.mrays_per_s).fold(0.0, f64::max);
-        points.iter().find(same).map(|point| (point.mrays_per_s, point.mrays_per_s == fastest))
-    };
     let table = html! {
         thead { tr {
             th scope="col" { "engine" }
@@ -133,7 +141,7 @@ pub(super) fn points(source: &Source<'_>, scene: &str, panels: &[&Panel]) -> Mar
                     @if several { td.n { (row.threads) } }
                     td.n { (numbers::time(row.build_s)) }
                     @for kind in &kinds {
-                        @match speed(row, kind) {
+                        @match speed(source, row, kind) {
                             Some((mrays, true)) => { td.n { b { (numbers::short(mrays)) } } }
                             Some((mrays, false)) => { td.n { (numbers::short(mrays)) } }
                             None => { td.n { (NOTHING) } }

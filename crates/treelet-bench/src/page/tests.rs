@@ -49,12 +49,12 @@ fn page() -> Page {
         reason: String::new(),
     };
     let picture = || Picture { png: vec![1, 2, 3], width: 4, height: 2 };
-    let map = HeatMap { variant: "zonk+slow".into(), mean: 1.0, max: 2.0, picture: picture() };
+    let map = HeatMap { variant: "zonk+slow".into(), mean: 1.0, max: 2, picture: picture() };
     let drawn = ScenePage {
         scene: SCENE.into(),
         triangles: 1000,
         look: Some(picture()),
-        heat: Some(HeatMaps { maps: vec![map], end: 2.0, ramp: vec![[0; 3], [255; 3]] }),
+        heat: Some(HeatMaps { maps: vec![map], end: 2, ramp: vec![[0; 3], [255; 3]] }),
         curve: Some(CurveDrawing {
             axes: ['x', 'z'],
             extent: [2.0, 1.0],

@@ -32,7 +32,7 @@ fn a_page_of_entrants_needs_no_scene() {
 #[test]
 fn a_figure_becomes_a_page_with_its_pictures() {
     let folder = Folder::new();
-    let line = "bench soup:300 --figure --quick --rays 1000 --rounds 1 --seconds 0 --kinds diffuse \
+    let line = "bench soup:2000 --figure --quick --rays 2000 --rounds 1 --seconds 0 --kinds diffuse \
                 --builders lbvh,sweep-sah --report page.html";
     folder.run(line).ends(0);
     let page = String::from_utf8(folder.read("page.html")).unwrap();
@@ -41,7 +41,7 @@ fn a_figure_becomes_a_page_with_its_pictures() {
     assert_eq!(page.matches("class=\"chart\"").count(), 2, "both forms of one kind");
     // The first levels of a tree over a soup are full.
     assert_eq!(page.matches("class=\"level l").count(), 2 + 4 + 8 + 16);
-    for words in ["300 triangles", "sweep-sah", "lbvh", "--builders lbvh,sweep-sah", "regret"] {
+    for words in ["2,000 triangles", "sweep-sah", "lbvh", "--builders lbvh,sweep-sah", "regret"] {
         assert!(page.contains(words), "{words}");
     }
     let run = folder.run("bench soup:300 --report other.html").ends(2);

@@ -24,7 +24,10 @@ const HALF_WIDTH: f32 = 0.577_350_3;
 /// Rays through a pixel of the shaded picture, along each side.
 const SIDE: u32 = 2;
 /// Rays from each point that see how open it is.
-const OPEN: u32 = 12;
+const OPEN: u32 = 16;
+/// Strata of height are visited with this stride around, so that neighbours differ in both; prime to
+/// [`OPEN`].
+const STRIDE: u32 = 7;
 /// How far they look, and how far off the surface they start, of the scene's diagonal.
 const REACH: f32 = 0.12;
 const OFFSET: f32 = 1e-4;
@@ -116,11 +119,12 @@ fn shade(scene: &Scene, triangles: &Triangles, ray: &Ray, random: &mut Random) -
     let mut open = 0;
     for number in 0..OPEN {
         let along = core::f32::consts::TAU * (turn + number as f32 / OPEN as f32);
-        let height = random.unit();
+        let height = ((number * STRIDE % OPEN) as f32 + random.unit()) / OPEN as f32;
+        let height = 2.0 * height - 1.0;
         let radius = (1.0 - height * height).max(0.0).sqrt();
         let offset = around(normal, radius * cosf(along), radius * sinf(along));
-        // A point of the sphere around the normal's tip: a cosine distribution.
-        let direction = vec3::add(normal, vec3::add(offset, vec3::scale(normal, 2.0 * height - 1.0)));
+        // A point of the unit sphere around the normal's tip: a cosine distribution.
+        let direction = vec3::add(vec3::scale(normal, 1.0 + height), offset);
         let Some(direction) = vec3::normalize(direction) else { continue };
         open += u32::from(!scene.any(&Ray::new(start, direction).up_to(REACH * diagonal)));
     }
@@ -166,11 +170,11 @@ pub(super) fn heat_maps(maps: Vec<(String, Vec<u64>)>) -> Result<HeatMaps, Rende
         painted.push(HeatMap {
             variant,
             mean: sum as f64 / visits.len().max(1) as f64,
-            max: max as f64,
+            max,
             picture: png(&pixels)?,
         });
     }
-    Ok(HeatMaps { maps: painted, end: end as f64, ramp: HEAT.map(|c| c.map(|c| c as u8)).to_vec() })
+    Ok(HeatMaps { maps: painted, end, ramp: HEAT.map(|c| c.map(|c| c as u8)).to_vec() })
 }
 
 /// The least multiple of 10, or of 100 above 200, that is not below `x`.
