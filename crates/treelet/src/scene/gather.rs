@@ -208,7 +208,7 @@ fn check(
     let (mut low, mut high) = (F4::splat(f32::INFINITY), F4::splat(f32::NEG_INFINITY));
     for (&triangle, prim) in triangles.iter().zip(first..) {
         let found = corners(triangle);
-        let lanes = found.as_ref().map(|corners| in_lanes(corners)).filter(are_near);
+        let lanes = found.as_ref().map(in_lanes).filter(are_near);
         let (Some(corners), Some(lanes)) = (found, lanes) else {
             // One of the two is wrong: find out which, the slow way.
             if let Some(defect) = mesh.defect(prim) {
