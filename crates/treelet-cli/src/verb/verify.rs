@@ -12,6 +12,7 @@ use clap::Args;
 use clap::builder::RangedU64ValueParser;
 use rayon::prelude::*;
 use serde::Serialize;
+use treelet::build::Presplit;
 use treelet::scene::Recipe;
 use treelet::verify::{self, BruteForce, Mismatch};
 use treelet::{BuildOptions, Hit, Invalid, Ray, Scene};
@@ -31,7 +32,7 @@ const BRUTE_TESTS: u64 = 900_000_000_000;
 /// What answers where brute force is too slow.
 const STAND_IN: &str = "sweep-sah";
 
-/// What optimisers improve.
+/// What optimisers improve, and what is built from pieces.
 const QUICK: &str = "lbvh";
 
 /// Rays between two looks at Ctrl-C.
@@ -66,8 +67,9 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "RAY", conflicts_with_all = ["rays", "seed", "brute"])]
     ray: Option<RayText>,
 
-    /// Builders to compare, perhaps with optimisers after them, such as "lbvh+treelets", and sweep-sah
-    /// [default: all builders, and all optimisers after lbvh].
+    /// Builders to compare, perhaps with optimisers after them or presplit before them, such as
+    /// "presplit+hploc+treelets", and sweep-sah [default: all builders, and lbvh with presplit and with
+    /// each optimiser].
     #[arg(long, value_name = "NAME,..", value_delimiter = ',', value_parser = RecipeParser)]
     builders: Vec<Recipe>,
 
@@ -190,16 +192,18 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     Outcome::new("verify", &report, ending)
 }
 
-/// What was asked for, and the stand-in; or else every builder, and every optimiser after a quick one.
+/// What was asked for, and the stand-in; or else every builder, and what comes before and after builders
+/// with a quick one.
 fn compared(asked: Vec<Recipe>) -> Vec<Recipe> {
     let all = asked.is_empty();
     let mut compared = recipes(asked);
     if !compared.iter().any(|recipe| recipe.name() == STAND_IN) {
         compared.extend(STAND_IN.parse());
     }
-    let optimizers = treelet::optimize::ALL.iter().filter(|_| all);
+    let optimizers = treelet::optimize::ALL.iter();
     let after = optimizers.map(|optimizer| format!("{QUICK}+{}", optimizer.info().name));
-    compared.extend(after.filter_map(|name| name.parse().ok()));
+    let before = core::iter::once(format!("{}+{QUICK}", Presplit::NAME));
+    compared.extend(before.chain(after).filter(|_| all).filter_map(|name| name.parse().ok()));
     compared
 }
 
@@ -317,6 +321,25 @@ mod tests {
     fn scene(width: f32) -> Scene {
         let mesh = Mesh::new([[0.0; 3], [width, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
         Scene::builder().mesh(mesh).build(&BuildOptions::default()).unwrap()
+    }
+
+    /// What no name leads to would be left out in silence.
+    #[test]
+    fn everything_in_the_catalogues_is_compared() {
+        let compared = super::compared(Vec::new());
+        let plans: Vec<String> =
+            compared.iter().map(|recipe| recipe.options().plan().to_string()).collect();
+        let has = |plan: &str| plans.iter().any(|other| other == plan);
+        for builder in treelet::build::ALL {
+            assert!(has(builder.info().name), "{}", builder.info().name);
+        }
+        for optimizer in treelet::optimize::ALL {
+            assert!(has(&format!("lbvh + {}", optimizer.info().name)), "{}", optimizer.info().name);
+        }
+        assert!(has("presplit+lbvh"), "{plans:?}");
+        let asked = super::compared(vec!["presplit+sbvh+rotations".parse().unwrap()]);
+        let names: Vec<&str> = asked.iter().map(|recipe| recipe.name()).collect();
+        assert_eq!(names, ["presplit+sbvh+rotations", super::STAND_IN]);
     }
 
     #[test]
