@@ -1,7 +1,6 @@
 //! Primitives in several leaves: the same bits as brute force, no leaks, nothing lost, nothing
 //! counted twice.
 
-mod best;
 mod presplit;
 
 use treelet::bounds::Aabb;
