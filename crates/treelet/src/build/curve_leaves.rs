@@ -23,13 +23,10 @@ use core::sync::atomic::AtomicU64;
 
 /// Up to this many entries are sorted by comparison: less work than counting digits.
 const SMALL_RUN: usize = 512;
-/// Bits by which a bucket is sorted by digits: two of them.
-const SORT_BITS: u32 = 20;
-/// Most primitives that stay in their order where they are equal in the bits of bucket and digits; only
-/// larger crowds are told apart by the rest of their codes. Sorting all runs by three digits and
-/// comparisons took 5 to 15 % more of a whole quick build.
-const CROWD_MIN: usize = 32;
-/// The level of neighbours that are equal in what was looked at so far.
+/// Bits by which a bucket is sorted by digits: three that a first-level cache holds. What is equal in
+/// them is sorted by comparison.
+const SORT_BITS: u32 = 27;
+/// The level of neighbours whose first words are equal, before [`refine`].
 const EQUAL: u8 = u8::MAX;
 
 /// A leaf and what comes after it.
@@ -79,7 +76,7 @@ impl Search<'_> {
         let mut spare = Vec::new();
         let split = self.split;
         let below_bucket = split.prim_bits + split.coarse_bits - split.bucket_bits;
-        let bits = split.sorted_from()..below_bucket;
+        let bits = split.prim_bits.max(below_bucket.saturating_sub(SORT_BITS))..below_bucket;
         for bucket in piece.buckets.clone() {
             let begin = piece.prims.start;
             let range = self.starts[bucket] - begin..self.starts[bucket + 1] - begin;
@@ -89,11 +86,14 @@ impl Search<'_> {
             let spare = &mut spare[..range.len()];
             radix_sort::sort(&mut sorted[range], spare, bits.clone(), self.stage)?;
         }
+        if bits.start > split.prim_bits {
+            self.sort_runs(&mut sorted, bits.start)?;
+        }
 
         // Find where neighbours part, and which ranges are small enough.
         let mut levels = memory::try_filled(0, sorted.len() + 2 * PAD, "levels")?;
-        part(&sorted, split, bits.start, &mut levels[PAD..]);
-        self.part_runs(&mut sorted, bits.start, &mut levels[PAD..])?;
+        part(&sorted, split, &mut levels[PAD..]);
+        self.refine(&mut sorted, &mut levels[PAD..])?;
         for (entry, prim) in sorted.iter().zip(prims) {
             *prim = split.prim(*entry);
         }
@@ -101,27 +101,14 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// Parts runs of entries that are equal from bit `from` up. Fewer than fill a leaf are let be: they
+    /// Sorts runs of entries that are equal from bit `from` up. Fewer than fill a leaf are let be: they
     /// part below everything around them, so they stay together, and in a leaf no order matters.
     #[inline(never)]
-    fn part_runs(
-        &self,
-        entries: &mut [u64],
-        from: u32,
-        levels: &mut [u8],
-    ) -> Result<(), BuildError> {
+    fn sort_runs(&self, entries: &mut [u64], from: u32) -> Result<(), BuildError> {
         let mut at = 0;
         while let Some(run) = next_run(entries, at, from, self.leaf_max) {
             at = run.end;
-            let levels = &mut levels[run.start..run.end - 1];
-            let run = &mut entries[run];
-            if run.len() <= CROWD_MIN {
-                by_place(levels, 0);
-                continue;
-            }
-            self.sort_run(run, self.split.prim_bits..from)?;
-            part(run, self.split, self.split.prim_bits, levels);
-            self.refine(run, levels)?;
+            self.sort_run(&mut entries[run], self.split.prim_bits..from)?;
         }
         Ok(())
     }
@@ -167,25 +154,19 @@ impl Search<'_> {
         let mut begin = 0;
         for at in 0..levels.len() {
             let differ = (entries[at] ^ entries[at + 1]) >> split.prim_bits;
-            if differ != 0 {
+            levels[at] = if differ != 0 {
                 begin = at + 1;
-                levels[at] = (split.code_bits() - differ.ilog2()) as u8;
+                (split.code_bits() - differ.ilog2()) as u8
             } else {
-                by_place(&mut levels[at..=at], at - begin);
-            }
+                // Equal to the last bit: parted by place, the left side a power of two.
+                let place = (at - begin) as u32;
+                (CODE_BITS + (place ^ (place + 1)).leading_zeros()) as u8
+            };
         }
         for entry in entries {
             *entry = split.entry(code, split.prim(*entry));
         }
         Ok(())
-    }
-}
-
-/// Parts what is equal to the last bit by place, the left side a power of two; `first` are before it.
-#[inline(always)]
-fn by_place(levels: &mut [u8], first: usize) {
-    for (level, place) in levels.iter_mut().zip(first as u32..) {
-        *level = (CODE_BITS + (place ^ (place + 1)).leading_zeros()) as u8;
     }
 }
 
@@ -201,16 +182,15 @@ fn next_run(entries: &[u64], at: usize, from: u32, leaf_max: usize) -> Option<Ra
     Some(at + begin..at + begin + leaf_max + run.count())
 }
 
-/// Where neighbours part by the first words of their codes, as far as they are sorted: from bit `from` up.
+/// Where sorted neighbours part by the first words of their codes.
 #[inline(never)]
-fn part(entries: &[u64], split: Split, from: u32, levels: &mut [u8]) {
+fn part(entries: &[u64], split: Split, levels: &mut [u8]) {
     let unused = u64::BITS - split.prim_bits - split.coarse_bits;
-    let looked_at = split.prim_bits + split.coarse_bits - from;
     for (pair, level) in entries.windows(2).zip(levels) {
         // Primitives differ, so this is not 0.
         let level_of = |differ: u64| (differ | 1).leading_zeros() - unused;
         let bit = level_of(pair[0] ^ pair[1]);
-        *level = if bit < looked_at { bit as u8 + 1 } else { EQUAL };
+        *level = if bit < split.coarse_bits { bit as u8 + 1 } else { EQUAL };
     }
 }
 
@@ -260,26 +240,6 @@ fn range_sizes(levels: &[u8], leaf_max: usize) -> [u8; LANES] {
         }
     }
     size
-}
-
-impl Split {
-    /// The bit of an entry from which up all are sorted.
-    fn sorted_from(self) -> u32 {
-        let below_bucket = self.prim_bits + self.coarse_bits - self.bucket_bits;
-        self.prim_bits.max(below_bucket.saturating_sub(SORT_BITS))
-    }
-
-    /// Makes those bits of sorted codes zero that do not count.
-    #[cfg(test)]
-    pub(super) fn codes_that_count(self, codes: &mut [(u64, u32)]) {
-        let below = self.sorted_from() - self.prim_bits + self.fine_bits;
-        for run in codes.chunk_by_mut(|a, b| (a.0 ^ b.0) >> below == 0) {
-            if run.len() <= CROWD_MIN {
-                run.iter_mut().for_each(|(code, _)| *code &= !0 << below);
-                run.sort_unstable();
-            }
-        }
-    }
 }
 
 impl Order {

@@ -121,7 +121,6 @@ mod tests {
             };
             let mut codes: Vec<_> = bounds.iter().map(code).zip(0..).collect();
             codes.sort_unstable();
-            split.codes_that_count(&mut codes);
             Self { codes, leaf_max }
         }
 
