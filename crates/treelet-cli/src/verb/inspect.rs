@@ -145,7 +145,11 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
 
 /// Counts, builds with every builder and in every layout.
 fn overview(
-    input: Input, builders: Vec<Recipe>, rays: Option<u64>, session: &Session) -> Result<Outcome, Failure> {
+    input: Input,
+    builders: Vec<Recipe>,
+    rays: Option<u64>,
+    session: &Session,
+) -> Result<Outcome, Failure> {
     let duplicate = {
         let _line = Line::spinner("looking for duplicates");
         duplicates::count(&input.model, &session.cancel)?

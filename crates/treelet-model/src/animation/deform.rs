@@ -3,7 +3,7 @@
 //! A vertex goes where the weighted sum of its joints' matrices takes it ("linear blend skinning"; N.
 //! Magnenat-Thalmann et al., "Joint-Dependent Local Deformations for Hand Animation and Object
 //! Grasping", 1988). Normals go by the cofactors of that sum, which also serve where it has no inverse.
-//! About 20 ns a vertex with four joints, on one thread.
+//! O(vertices) time, on one thread.
 
 use treelet::math::{Affine, vec3};
 use treelet::memory::{Array, OutOfMemory};

@@ -6,8 +6,8 @@
 //! alone: so does the tree.
 //!
 //! O(n) time. 8 bytes a primitive of scratch while joining, besides the tree. Memory is asked for before it
-//! is needed, here and where quick levels collapse and write trees: together that took a tenth off
-//! whole builds of a kitchen and a car. Asking for the vertices of leaves as well gained nothing.
+//! is needed, here and where quick levels collapse and write trees. Asking for the corners of leaves as well
+//! gained nothing.
 
 use super::BuildError;
 use super::curve_leaves::{Mark, take};

@@ -3,10 +3,7 @@
 //! The highest bit in which the codes of two neighbours differ is where the hierarchy of the curve
 //! parts them (T. Karras, "Maximizing Parallelism in the Construction of BVHs, Octrees, and k-d
 //! Trees", HPG 2012). The largest ranges of that hierarchy with up to `leaf_max` primitives become
-//! leaves. Differs from the source: bits below those of a bucket and two digits (about `log2 n + 10`) count
-//! only where more than `CROWD_MIN` primitives are equal above them; fewer are parted by their places, as
-//! equal codes are. The cost of `hploc` trees by the surface area heuristic grew by 2 % in a kitchen and by
-//! less than 1 % in a car and in hair.
+//! leaves.
 //!
 //! Levels are `1..=63` by the bits of the code from the top, `64..=94` by places among equals: no
 //! path of the hierarchy is longer than 95 nodes.

@@ -6,8 +6,7 @@
 //! cut at the highest bit in which its codes differ, equal codes by their places. Differs from it: all
 //! pieces of the curve are made at once, not all nodes: in a piece, one sweep with a stack makes
 //! topology and boxes, so that no node searches for its ends and none is waited for; small ranges
-//! become leaves; of a few primitives in one small cell the order inside is not asked for
-//! (`build/curve_leaves.rs`).
+//! become leaves.
 //!
 //! O(n) time. Measured on one thread of a 2-core Xeon, boxes to tree, M triangles/s, with the cost by
 //! the surface area heuristic (1 a node, 1 a triangle; between families of builders it is not the

@@ -219,7 +219,7 @@ pub(super) fn write_block(triangles: &[Packed], block: &mut [f32]) {
     }
 }
 
-/// The same for a number of triangles that the compiler knows: a third of the instructions.
+/// The same for a number of triangles that the compiler knows: fewer instructions.
 #[inline(always)]
 fn write_rows<const N: usize>(triangles: &[Packed], block: &mut [f32]) {
     let (triangles, block) = (&triangles[..N], &mut block[..N * TRIANGLE_WORDS]);

@@ -22,8 +22,8 @@
 //!
 //! Cost: 68 bytes a leaf; two searches a node.
 
-use super::{Optimizer, check_shares};
 use super::pairs::{Id, Pairs, ROOT};
+use super::{Optimizer, check_shares};
 use crate::bounds::Aabb;
 use crate::build::{BuildError, Info, check_option};
 use crate::context::{Cancelled, Context, Stage, parallel};

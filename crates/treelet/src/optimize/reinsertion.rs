@@ -23,9 +23,9 @@
 //!
 //! Cost: 68 bytes a leaf; a search visits some tens of nodes.
 
-use super::{Optimizer, check_shares};
 use super::pairs::{Id, Pairs, Place, ROOT};
 use super::search::Search;
+use super::{Optimizer, check_shares};
 use crate::build::{BuildError, Info, check_option};
 use crate::context::{Cancelled, Context, Stage, parallel};
 use crate::memory;

@@ -6,7 +6,8 @@
 //! (A. Karlin, M. Manasse, L. Rudolph, D. Sleator, "Competitive Snoopy Caching", 1988). Here even the first
 //! tree answers rays at a good half of the best one's speed, so that waiting is never dear: over random scenes, a test
 //! finds at most 1.7 times the best plan's total. Traced, 1e5 to 1e8 single rays in a kitchen, a car, a cave and a
-//! coffee maker took 0.9 to 1.7 times that, 1.9 at worst, while other programs had a part of the core. What trees cost is predicted as for
+//! coffee maker took 0.9 to 1.9 times that, and 2.3 times in one run of the car (1.5 in another), while other programs
+//! had most of the core. What trees cost is predicted as for
 //! [`Quality::Rays`](super::Quality::Rays), by [`choice::model`](super::choice::model), and rays are timed where they are asked.
 //!
 //! Each step gathers anew, which is a tenth of the quickest build: boxes that were kept for it would cost 24

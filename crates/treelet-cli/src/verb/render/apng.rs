@@ -125,7 +125,7 @@ fn delay(fps: f64) -> [u16; 2] {
     fraction.unwrap_or([1, (fps.round() as u16).max(1)])
 }
 
-/// Goes on with the checksum of PNG's annex D, bit by bit: a hundredth of the time that packing takes.
+/// Goes on with the checksum of PNG's annex D, bit by bit.
 fn checksum(sum: u32, bytes: &[u8]) -> u32 {
     /// The polynomial of ISO 3309, its bits reversed.
     const POLYNOMIAL: u32 = 0xedb8_8320;

@@ -22,7 +22,7 @@ const LONGEST: f64 = 1e9;
 /// Rays that a path asks each time that light is scattered: where it goes on, and whether a light is seen.
 const RAYS_A_SCATTERING: f64 = 2.0;
 
-/// How often light is scattered in the scenes of the gallery, on average, where more often is allowed.
+/// How often light is taken to be scattered where more often is allowed: an estimate.
 const SCATTERINGS: f64 = 3.0;
 
 /// Rays that a thread asks in a second, shading included, about.

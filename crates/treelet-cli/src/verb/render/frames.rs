@@ -266,12 +266,7 @@ impl Stage<'_> {
     }
 
     /// Makes the passes of a frame.
-    fn shoot(
-        &self,
-        input: &Input,
-        placed: &PlacedModel,
-        camera: &Camera,
-    ) -> Result<Shot, Failure> {
+    fn shoot(&self, input: &Input, placed: &PlacedModel, camera: &Camera) -> Result<Shot, Failure> {
         let settings = self.flags.settings(input.up);
         let renderer = Renderer::new(&input.model, placed, camera, settings)?;
         let mut film = renderer.film()?;

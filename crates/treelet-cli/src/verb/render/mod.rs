@@ -22,11 +22,11 @@ use treelet_render::{Film, RenderError, Renderer, denoise};
 pub(crate) use flags::Flags;
 
 use crate::camera;
+use crate::choice::ChoiceReport;
 use crate::ending::{Ending, Failure};
 use crate::input::{self, Input};
 use crate::output::Output;
 use crate::session::{Outcome, Session, say, warn};
-use crate::choice::ChoiceReport;
 use crate::text;
 use files::Picture;
 use light::LightChoice;
@@ -199,7 +199,8 @@ impl Job<'_> {
         let renderer = Renderer::new(&self.input.model, self.placed, camera, settings)?;
         let mut film = renderer.film()?;
         let picture = Picture::new(output, self.flags.exposure);
-        let made = passes::make_passes(&renderer, &mut film, &self.goal, Some(&picture), self.session)?;
+        let made =
+            passes::make_passes(&renderer, &mut film, &self.goal, Some(&picture), self.session)?;
         let mut means = film.means()?;
         if raw.is_some() || picture.has_layers() {
             match renderer.layers(&self.session.cancel) {

@@ -109,8 +109,7 @@ mod tests {
         // Corners of a square, the first cell's twice over; and something that is nowhere.
         let at = |x: f32, y: f32| Aabb { lo: [x, y, 0.0], hi: [x, y, 0.0] };
         let nowhere = Aabb { lo: [f32::NAN; 3], hi: [f32::NAN; 3] };
-        let boxes =
-            [at(9.0, 8.0), at(0.0, 0.0), nowhere, at(9.0, 0.0), at(1.0, 1.0), at(0.0, 8.0)];
+        let boxes = [at(9.0, 8.0), at(0.0, 0.0), nowhere, at(9.0, 0.0), at(1.0, 1.0), at(0.0, 8.0)];
         // The longer axis decides first: the left pair of corners before the right one.
         assert_eq!(in_order(&boxes), [1, 4, 5, 3, 0]);
         assert!(in_order(&[]).is_empty());
