@@ -235,6 +235,9 @@ mod tests {
         let found = lead(&[curve(2.0, 2e6)], &[curve(1.0, 1e6)], &RAYS).unwrap();
         assert_eq!(found.rays, 1e4);
         assert!((found.factor - 1.01 / 2.005).abs() < 1e-12, "{found:?}");
+        // Quicker to build, slower to trace: worst at the right end.
+        let found = lead(&[curve(1.0, 1e6)], &[curve(2.0, 2e6)], &RAYS).unwrap();
+        assert!(found.rays == 1e12 && (found.factor - 0.5).abs() < 1e-5, "{found:?}");
         // Ahead at both ends, behind where its two lines cross.
         let ours = [curve(1.0, 1e6), curve(11.0, 1e8)];
         let found = lead(&ours, &[curve(1.5, 4e6)], &RAYS).unwrap();

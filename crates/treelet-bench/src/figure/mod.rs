@@ -1,6 +1,6 @@
 //! The figure of the field: rays a second against how many rays are traced, construction included.
 //!
-//! [`scene`] measures one scene: builds, one kind of rays after the other, what the library chooses.
+//! [`scene()`] measures one scene: builds, one kind of rays after the other, what the library chooses.
 //! `data` is what comes of it, `envelope` who wins where, `marks` and `table` what follows, `plot` the
 //! picture, `state` what an interrupted run leaves behind.
 //!

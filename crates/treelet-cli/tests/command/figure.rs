@@ -4,8 +4,8 @@ use serde_json::Value;
 
 use crate::kit::Folder;
 
-/// A figure of three builders over 500 triangles.
-const TINY: &str = "bench soup:500 --figure --quick --rays 2000 --rounds 1 --seconds 0 --json \
+/// A figure of three builders over some 500 triangles.
+const TINY: &str = "bench fractal-terrain:500 --figure --quick --rays 2000 --rounds 1 --seconds 0 --json \
                     --builders lbvh,sweep-sah,presplit+trbvh";
 
 /// The fields of an object that the promised form names, in its order.
@@ -93,14 +93,18 @@ fn what_does_not_belong_together_is_refused() {
         (line.replace("--rays 2000", "--rays 2001"), 1, "rays 2000, this run has 2001"),
         (line.replace("lbvh,", ""), 1, "builders"),
         (line.replace("--figure --quick", "--quick"), 2, "--figure"),
-        (line.replace("soup:500", "soup:500 soup:500"), 2, "two scenes are named"),
+        (
+            line.replace("fractal-terrain:500", "fractal-terrain:500 fractal-terrain:500"),
+            2,
+            "two scenes are named",
+        ),
     ] {
         let run = folder.run(&other).ends(code);
         assert!(run.stderr.contains(word), "{other}: {}", run.stderr);
         assert!(folder.read("state.jsonl") == before, "{other}");
     }
     // Other scenes may follow.
-    let run = folder.run(&line.replace("soup:500", "soup:400")).ends(0);
+    let run = folder.run(&line.replace("fractal-terrain:500", "fractal-terrain:2000")).ends(0);
     assert_eq!(run.json("bench")["points"].as_array().unwrap().len(), 3);
     // A file that is something else stays as it is.
     for text in ["{\"points\":[]}\n", "{\"points\":[]}", "notes", "{\"settings\":{}}\n{}\n"] {
