@@ -5,6 +5,7 @@ use std::time::Duration;
 use treelet::scene::{Pilot, SceneError};
 use treelet::{BuildOptions, Context, Mesh, Quality, Ray, Scene};
 
+use super::auto;
 use super::data::{Choice, Point};
 use super::envelope::{Curve, best_at};
 use super::scene::{Bench, contender, is_ours};
@@ -65,8 +66,9 @@ pub(super) fn add(
         });
     }
     let (scene, threads) = (bench.subject.name.clone(), bench.crew.threads());
-    let kind = kind.name().to_owned();
-    let piece = ChoicePiece { scene, threads, kind, choices, auto: Vec::new() };
+    let auto = auto::measure(bench, kind, rays, pilot, &points)?;
+    let kind_name = kind.name().to_owned();
+    let piece = ChoicePiece { scene, threads, kind: kind_name, choices, auto };
     state.add(Piece::Choices(piece))?;
     Ok(())
 }
@@ -100,10 +102,14 @@ fn choose(bench: &Bench<'_>, count: u64, pilot: Pilot<'_>) -> Result<Made, Bench
             })
         });
     stop(watcher)?;
-    let refused = |error: SceneError| {
-        engine_error(subject, ours::NAME, "for_rays", EngineError::Refused(error.to_string()))
-    };
-    Ok(Made { seconds, scene: scene.map_err(refused)? })
+    let scene = scene.map_err(|error| refused(bench, "for_rays", &error))?;
+    Ok(Made { seconds, scene })
+}
+
+/// treelet could not build.
+pub(super) fn refused(bench: &Bench<'_>, variant: &str, error: &SceneError) -> BenchError {
+    let error = EngineError::Refused(error.to_string());
+    engine_error(bench.subject, ours::NAME, variant, error)
 }
 
 /// Rays a second through what was chosen: as measured in turn with all others, or else now.

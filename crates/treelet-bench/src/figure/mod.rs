@@ -8,6 +8,7 @@
 //! High-Performance Graphics 2013, figures 1 and 8. Differs: rays of this machine's processor, one a call, and
 //! every builder at hand instead of six.
 
+mod auto;
 mod builds;
 mod choices;
 pub mod data;

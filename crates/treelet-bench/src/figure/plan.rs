@@ -45,6 +45,8 @@ pub struct FigurePlan {
     pub quick: bool,
     /// Numbers of rays for which the library is asked to choose.
     pub choices: Vec<u64>,
+    /// Numbers of rays that a scene answers without having been told.
+    pub auto: Vec<u64>,
 }
 
 /// What two runs must have in common to be parts of one figure.
@@ -64,6 +66,7 @@ pub(super) struct Settings {
     builders: Vec<String>,
     variants: Vec<String>,
     choices: Vec<u64>,
+    auto: Vec<u64>,
 }
 
 impl FigurePlan {
@@ -77,7 +80,9 @@ impl FigurePlan {
         let step = if quick { 2 } else { 1 };
         let choices =
             (8..=22).step_by(step).map(|half| 10f64.powf(f64::from(half) / 2.0).round() as u64);
-        Self { base, rays, quick, choices: choices.collect() }
+        let decades: &[u32] = if quick { &[5, 6, 7] } else { &[5, 6, 7, 8] };
+        let auto = decades.iter().map(|&decade| 10_u64.pow(decade)).collect();
+        Self { base, rays, quick, choices: choices.collect(), auto }
     }
 
     /// An engine's variants that are drawn.
@@ -119,6 +124,7 @@ impl FigurePlan {
             builders: builders.clone(),
             variants: variants.clone(),
             choices: self.choices.clone(),
+            auto: self.auto.clone(),
         }
     }
 }

@@ -196,13 +196,13 @@ struct ClosestPass<'a> {
 
 /// A user's call: never part of the loop around it.
 #[inline(never)]
-fn closest(scene: &Scene, ray: &Ray) -> Hit {
+pub(crate) fn closest(scene: &Scene, ray: &Ray) -> Hit {
     scene.closest(ray).unwrap_or(Hit::MISS)
 }
 
 /// A user's call: never part of the loop around it.
 #[inline(never)]
-fn any(scene: &Scene, ray: &Ray) -> bool {
+pub(crate) fn any(scene: &Scene, ray: &Ray) -> bool {
     scene.any(ray)
 }
 
