@@ -45,7 +45,11 @@ impl Prepared {
         let through =
             |[x, y, z]: [f32; 3]| a.mul(splat(x)).add(b.mul(splat(y))).add(c.mul(splat(z)));
         let origin = through(self.origin).add(column(3));
-        Self::of_lanes(simd, origin, through(self.direction), clip, structure)
+        let direction = through(self.direction);
+        let [x, y, z, _] = origin.lanes();
+        let [along_x, along_y, along_z, _] = direction.lanes();
+        let (o, d) = ((origin, [x, y, z]), (direction, [along_x, along_y, along_z]));
+        Self::of_lanes(simd, o, d, clip, structure)
     }
 
     /// Asks what [`Ray::is_valid`] asks of origin and direction, and prepares.
@@ -59,15 +63,15 @@ impl Prepared {
     ) -> Option<Self> {
         let o = S::F4::load(simd, &[origin[0], origin[1], origin[2], 0.0]).xyzz();
         let d = S::F4::load(simd, &[direction[0], direction[1], direction[2], 0.0]).xyzz();
-        Self::of_lanes(simd, o, d, clip, structure)
+        Self::of_lanes(simd, (o, origin), (d, direction), clip, structure)
     }
 
-    /// The same of origin and direction as lanes, `x, y, z, z`.
+    /// The same of origin and direction that are there as lanes, too: `x, y, z, z`.
     #[inline(always)]
     fn of_lanes<S: Simd>(
         simd: S,
-        o: S::F4,
-        d: S::F4,
+        (o, origin): (S::F4, [f32; 3]),
+        (d, direction): (S::F4, [f32; 3]),
         clip: Interval,
         structure: &Structure,
     ) -> Option<Self> {
@@ -84,8 +88,6 @@ impl Prepared {
         let to_lo = S::F4::load(simd, lo).sub(o).abs();
         let to_hi = S::F4::load(simd, hi).sub(o).abs();
         let slack = structure.slack.at(simd, to_lo.max(to_hi).max_lane());
-        let ([x, y, z, _], [along_x, along_y, along_z, _]) = (o.lanes(), d.lanes());
-        let (origin, direction) = ([x, y, z], [along_x, along_y, along_z]);
         Some(Self {
             origin,
             direction,
