@@ -51,7 +51,8 @@ fn plan(kinds: &[Kind]) -> FigurePlan {
         variants: Vec::new(),
     };
     // Few numbers of rays: the more there are, the more trees the library tries.
-    FigurePlan { choices: vec![10_000, 1_000_000], ..FigurePlan::new(base, true) }
+    let (choices, auto) = (vec![10_000, 1_000_000], vec![10_000]);
+    FigurePlan { choices, auto, ..FigurePlan::new(base, true) }
 }
 
 fn measure(plan: &FigurePlan, state: &mut State, count: u64) -> Result<SceneFigure, BenchError> {

@@ -19,7 +19,7 @@ pub use camera::{Camera, Lens, View};
 pub use decode::ImageError;
 pub use light::{Environment, Light, LightKind};
 pub use material::{AlphaMode, Material};
-pub use placed::{PlaceError, PlacedModel};
+pub use placed::{PlaceError, PlacedModel, Updated};
 pub use sky::{Sky, Sun};
 pub use texture::{Image, Pixels, Texture};
 

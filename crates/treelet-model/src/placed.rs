@@ -3,6 +3,7 @@
 use crate::{Changes, Model, Part, Placement};
 use treelet::context::Context;
 use treelet::math::Affine;
+use treelet::scene::{Action, Commit};
 use treelet::{BuildOptions, BuildReport, Hit, Pilot, Quality, Scene, SceneError};
 
 /// The scenes of a model, and the way from a hit back to what the model says about it.
@@ -18,6 +19,19 @@ pub struct PlacedModel {
     objects: Vec<Option<Scene>>,
     /// Whether `Hit::inst` counts placements from 1, the scene itself being 0.
     instanced: bool,
+    /// What the trees that changed last became.
+    updated: Updated,
+}
+
+/// What became of trees when a model was posed anew.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Updated {
+    /// Objects whose trees followed their shape.
+    pub refitted: u64,
+    /// Objects that have new trees.
+    pub rebuilt: u64,
+    /// What became of the tree over the placements; `None` where there is none.
+    pub placements: Option<Action>,
 }
 
 /// Why a model cannot be traced.
@@ -78,15 +92,15 @@ impl PlacedModel {
     ///
     /// An index that leads nowhere, or whatever building a scene refuses, with the object's name.
     pub fn build(model: &Model, options: &BuildOptions<'_>) -> Result<Self, PlaceError> {
-        Self::assemble(model, vec![None; model.objects.len()], options)
+        Self::assemble(model, vec![None; model.objects.len()], options, None)
     }
 
     /// The scenes of a model that was built before and has been posed since: objects that kept their
     /// shape keep their trees.
     ///
     /// `changes` must be what changed since the build. What is answered, by this and by a fresh
-    /// build, is the same. Objects in a new shape are built anew, so is the scene of instances if
-    /// anything changed; if nothing did, nothing is built.
+    /// build, is the same. Trees of objects in a new shape, and of the placements, follow what moved or are
+    /// built anew, as `treelet::scene::Edit` decides; if nothing changed, nothing is done.
     ///
     /// # Errors
     ///
@@ -98,23 +112,40 @@ impl PlacedModel {
         options: &BuildOptions<'_>,
     ) -> Result<Self, PlaceError> {
         if changes.keeps_geometry() {
-            return Ok(self.clone());
+            return Ok(Self { updated: Updated::default(), ..self.clone() });
         }
+        check_indices(model)?;
         let mut objects = self.objects.clone();
         objects.resize(model.objects.len(), None);
+        let mut updated = Updated::default();
         for &object in &changes.objects {
-            if let Some(scene) = objects.get_mut(object) {
-                *scene = None;
+            let Some(Some(scene)) = objects.get(object) else { continue };
+            let options = object_options(model, object, options);
+            let bent = bend(model, object, scene, &options)?;
+            match bent.action {
+                Action::Kept => {}
+                Action::Refitted => updated.refitted += 1,
+                Action::Rebuilt => updated.rebuilt += 1,
             }
+            objects[object] = Some(bent.scene);
         }
-        Self::assemble(model, objects, options)
+        let before = Some(self).filter(|_| self.instanced);
+        let mut placed = Self::assemble(model, objects, options, before)?;
+        placed.updated = Updated { placements: placed.updated.placements, ..updated };
+        Ok(placed)
     }
 
-    /// Builds what is missing of the objects, and places them.
+    /// What the last [`PlacedModel::updated`] did.
+    pub fn update(&self) -> Updated {
+        self.updated
+    }
+
+    /// Builds what is missing of the objects, and places them, as they were `before` if they were.
     fn assemble(
         model: &Model,
         mut objects: Vec<Option<Scene>>,
         options: &BuildOptions<'_>,
+        before: Option<&Self>,
     ) -> Result<Self, PlaceError> {
         check_indices(model)?;
         for placement in &model.placements {
@@ -129,11 +160,46 @@ impl PlacedModel {
             _ => None,
         };
         let instanced = single.is_none();
-        let scene = match single {
-            Some(scene) => scene,
-            None => place(model, &objects, options).map_err(PlaceError::Placements)?,
+        let mut updated = Updated::default();
+        let before = before.filter(|before| before.scene.instances() == model.placements.len());
+        let scene = match (single, before) {
+            (Some(scene), _) => scene,
+            (None, Some(before)) => {
+                let commit = before.moved(model, &objects, options);
+                let commit = commit.map_err(PlaceError::Placements)?;
+                updated.placements = Some(commit.action);
+                commit.scene
+            }
+            (None, None) => {
+                updated.placements = Some(Action::Rebuilt);
+                place(model, &objects, options).map_err(PlaceError::Placements)?
+            }
         };
-        Ok(Self { scene, objects, instanced })
+        Ok(Self { scene, objects, instanced, updated })
+    }
+
+    /// The scene of placements, where these are as many as before.
+    fn moved(
+        &self,
+        model: &Model,
+        objects: &[Option<Scene>],
+        options: &BuildOptions<'_>,
+    ) -> Result<Commit, SceneError> {
+        let mut edit = self.scene.edit();
+        for (at, placement) in model.placements.iter().enumerate() {
+            // Every placement is there, so nothing is refused.
+            let map = placement.world_from_object;
+            if self.scene.world_from_object(at as u64 + 1) != Some(map) {
+                let _ = edit.set_transform(at, map);
+            }
+            if let (Some(Some(old)), Some(Some(new))) =
+                (self.objects.get(placement.object), objects.get(placement.object))
+                && !old.is_same(new)
+            {
+                let _ = edit.set_scene(at, new);
+            }
+        }
+        edit.commit(options)
     }
 
     /// The placement that was hit, as an index into [`Model::placements`]; `None` for a hit of
@@ -211,6 +277,28 @@ fn build_object(
     let scene = parts.fold(Scene::builder(), |scene, mesh| scene.mesh(mesh));
     let built = scene.build(&BuildOptions { context, ..options.clone() });
     built.map_err(|error| PlaceError::Object { object, name: content.name.clone(), error })
+}
+
+/// An object in a new shape.
+fn bend(
+    model: &Model,
+    object: usize,
+    scene: &Scene,
+    options: &BuildOptions<'_>,
+) -> Result<Commit, PlaceError> {
+    let content = &model.objects[object];
+    let mut edit = scene.edit();
+    for (geom, part) in content.parts.iter().enumerate() {
+        if edit.set_mesh(geom, part.mesh.clone()).is_err() {
+            edit.add_mesh(part.mesh.clone());
+        }
+    }
+    for geom in content.parts.len()..scene.meshes().len() {
+        let _ = edit.remove_mesh(geom);
+    }
+    let context = Context { progress: None, ..options.context.clone() };
+    let commit = edit.commit(&BuildOptions { context, ..options.clone() });
+    commit.map_err(|error| PlaceError::Object { object, name: content.name.clone(), error })
 }
 
 fn place(

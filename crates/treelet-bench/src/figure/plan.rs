@@ -81,7 +81,10 @@ impl FigurePlan {
         let choices =
             (8..=22).step_by(step).map(|half| 10f64.powf(f64::from(half) / 2.0).round() as u64);
         let decades: &[u32] = if quick { &[5, 6, 7] } else { &[5, 6, 7, 8] };
-        let auto = decades.iter().map(|&decade| 10_u64.pow(decade)).collect();
+        // Tracing them takes as long as timing rays does a few times over.
+        let most = 1000 * rays as u64;
+        let auto = decades.iter().map(|&decade| 10_u64.pow(decade)).filter(|&n| n <= most);
+        let auto = auto.collect();
         Self { base, rays, quick, choices: choices.collect(), auto }
     }
 

@@ -59,9 +59,9 @@ fn frames_are_pictures_of_their_times() {
     assert_eq!(json["frames"], serde_json::json!(["out.000.png", "out.001.png", "out.002.png"]));
     let pose = |frame: usize, key: &str| json["poses"][frame][key].clone();
     assert_eq!([0, 1, 2].map(|frame| pose(frame, "time").as_f64().unwrap()), [0.0, 0.5, 1.0]);
-    assert_eq!([0, 1, 2].map(|frame| pose(frame, "tree")), ["built", "rebuilt", "rebuilt"]);
-    assert_eq!((pose(1, "instances_moved"), pose(1, "objects_built")), (1.into(), 0.into()));
-    let line = "frame 1 at 0.500 s: 1 instance moved; tree: instances rebuilt; pose ";
+    assert_eq!([0, 1, 2].map(|frame| pose(frame, "tree")), ["built", "refitted", "refitted"]);
+    assert_eq!((pose(1, "instances_moved"), pose(1, "objects_rebuilt")), (1.into(), 0.into()));
+    let line = "frame 1 at 0.500 s: 1 instance moved; tree: instances refitted; pose ";
     assert!(run.stderr.contains(line), "{}", run.stderr);
     let frames = [0, 1, 2].map(|frame| folder.read(&format!("out.{frame:03}.png")));
     frames.iter().for_each(|frame| assert_whole_png(frame));

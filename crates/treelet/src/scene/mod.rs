@@ -151,6 +151,11 @@ impl Scene {
         self.structure.geometries.iter().map(|geometry| &geometry.mesh)
     }
 
+    /// Whether both are the same snapshot, not merely equal.
+    pub fn is_same(&self, other: &Self) -> bool {
+        Arc::ptr_eq(&self.structure, &other.structure)
+    }
+
     /// How many instances are directly in this scene.
     pub fn instances(&self) -> usize {
         self.structure.instances.len()

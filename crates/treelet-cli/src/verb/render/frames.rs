@@ -1,14 +1,14 @@
-//! `treelet render --frames`: a clip, a picture a frame, of which only what moved is built anew.
+//! `treelet render --frames`: a clip, a picture a frame, whose trees follow what moves.
 //!
-//! What moves as a whole moves its instance: objects keep their trees, the one above them is built.
-//! What bends is built anew. (Refitting it instead is a matter of `PlacedModel::updated`, and of nothing
-//! here.) Each frame is the picture that its pose alone gives, whichever frames came before.
+//! What moves as a whole moves its instance: objects keep their trees. What bends, and the tree of instances,
+//! is refitted or built anew, as the library decides. Each frame is the picture that its pose alone gives, whichever frames came before.
 
 use std::time::{Duration, Instant};
 
 use serde::Serialize;
+use treelet::scene::Action;
 use treelet::{BuildOptions, Invalid};
-use treelet_model::{Camera, Changes, LightKind, PlacedModel};
+use treelet_model::{Camera, Changes, LightKind, PlacedModel, Updated};
 use treelet_render::{Film, Image, Layers, RenderError, Renderer, denoise};
 
 use super::cameras::{self, Choice};
@@ -58,7 +58,8 @@ struct FrameReport {
     meshes_deformed: u64,
     triangles_deformed: u64,
     tree: Tree,
-    objects_built: u64,
+    objects_refitted: u64,
+    objects_rebuilt: u64,
     passes: u32,
     rays: u64,
     seconds: Seconds,
@@ -72,8 +73,22 @@ enum Tree {
     Built,
     /// Nothing changed that they depend on.
     Kept,
+    /// They followed what moved.
+    Refitted,
     /// Some of them are new.
     Rebuilt,
+}
+
+impl Tree {
+    /// What an update comes to.
+    fn of(updated: &Updated, keeps_geometry: bool) -> Self {
+        match updated.placements {
+            _ if keeps_geometry => Self::Kept,
+            _ if updated.rebuilt > 0 => Self::Rebuilt,
+            Some(Action::Rebuilt) => Self::Rebuilt,
+            _ => Self::Refitted,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -217,8 +232,9 @@ impl Stage<'_> {
         let (placed, tree) = match &self.placed {
             None => (input.build(&self.options, self.session)?, Tree::Built),
             Some(before) => {
-                let tree = if changes.keeps_geometry() { Tree::Kept } else { Tree::Rebuilt };
-                (input.update(before, &changes, &self.options, self.session)?, tree)
+                let placed = input.update(before, &changes, &self.options, self.session)?;
+                let tree = Tree::of(&placed.update(), changes.keeps_geometry());
+                (placed, tree)
             }
         };
         let build_time = building.elapsed();
@@ -243,11 +259,13 @@ impl Stage<'_> {
             complaint.iter().for_each(|complaint| warn(complaint));
             input.model.warnings.extend(complaint);
         }
+        let updated = placed.update();
         self.placed = Some(placed);
 
         self.write(&shot, output, video)?;
         let Shot { film, made, .. } = shot;
-        Ok(report(number, time, &changes, tree, &film, &made, [pose_time, build_time, render_time]))
+        let times = [pose_time, build_time, render_time];
+        Ok(report(number, time, &changes, (tree, updated), &film, &made, times))
     }
 
     /// Puts the headlamp where the camera stands, as bright in all frames as in the first.
@@ -322,7 +340,7 @@ fn report(
     frame: u32,
     time: f64,
     changes: &Changes,
-    tree: Tree,
+    (tree, updated): (Tree, Updated),
     film: &Film,
     made: &Made,
     [pose, build, render]: [Duration; 3],
@@ -334,7 +352,8 @@ fn report(
         meshes_deformed: changes.parts,
         triangles_deformed: changes.triangles,
         tree,
-        objects_built: changes.objects.len() as u64,
+        objects_refitted: updated.refitted,
+        objects_rebuilt: updated.rebuilt,
         passes: film.passes(),
         rays: made.stats.rays,
         seconds: Seconds {
@@ -361,8 +380,13 @@ fn tell(report: &FrameReport, objects: usize) {
     let tree = match report.tree {
         Tree::Built => "built".to_owned(),
         Tree::Kept => "kept".to_owned(),
-        Tree::Rebuilt if report.objects_built == 0 => "instances rebuilt".to_owned(),
-        Tree::Rebuilt => format!("{} of {objects} rebuilt", report.objects_built),
+        Tree::Refitted if report.objects_refitted == 0 => "instances refitted".to_owned(),
+        Tree::Refitted => format!("{} of {objects} refitted", report.objects_refitted),
+        Tree::Rebuilt if report.objects_rebuilt == 0 => "instances rebuilt".to_owned(),
+        Tree::Rebuilt => {
+            let (refitted, rebuilt) = (report.objects_refitted, report.objects_rebuilt);
+            format!("{refitted} of {objects} refitted, {rebuilt} rebuilt")
+        }
     };
     let ms = |seconds: f64| text::time(Duration::from_secs_f64(seconds));
     say(&format!(
