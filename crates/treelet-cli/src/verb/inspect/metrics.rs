@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use treelet::layout::Collapse;
 use treelet::scene::Recipe;
 use treelet::tree::{Estimate, SahConstants, lines};
+use treelet_bench::figure::data::Point;
 
 use super::Constants;
 use super::fit::{self, Fit, Row};
@@ -49,7 +50,7 @@ pub(super) struct MetricsFlags {
     #[arg(long, value_name = "S", default_value_t = 0.08, value_parser = seconds)]
     seconds: f64,
 
-    /// With --trace-time: trees that earlier runs measured, from their JSON reports. They are told of
+    /// With --trace-time: trees that earlier runs measured, from their JSON reports, or from those of `bench --figure`. They are told of
     /// together with those of this run; without a scene, this run measures none.
     #[arg(long, value_delimiter = ',', value_name = "FILE,..", requires = "trace_time")]
     earlier: Vec<PathBuf>,
@@ -71,10 +72,52 @@ struct Report {
     shared: Vec<fit::Shared>,
 }
 
-/// What is needed of an earlier report.
+/// What is needed of an earlier report, of this verb or of `bench --figure`.
 #[derive(Deserialize)]
-struct Earlier {
-    scenes: Vec<SceneReport>,
+#[serde(untagged)]
+enum Earlier {
+    Metrics { scenes: Vec<SceneReport> },
+    Figure { points: Vec<Point> },
+}
+
+impl Earlier {
+    fn scenes(self) -> Vec<SceneReport> {
+        match self {
+            Self::Metrics { scenes } => scenes,
+            Self::Figure { points } => of_figure(&points),
+        }
+    }
+}
+
+/// The trees of a figure that anybody could look into, each with its rays' times on one thread. The
+/// modelling hierarchy is left out: it is so far from all others that it would be all that a fit sees.
+fn of_figure(points: &[Point]) -> Vec<SceneReport> {
+    let mut scenes: Vec<SceneReport> = Vec::new();
+    for point in points.iter().filter(|it| it.threads == 1 && it.variant != "scene-graph") {
+        let (Some(sah), Some(epo), Some(lcv)) = (point.sah, point.epo, point.lcv) else { continue };
+        let (name, triangles) = (point.scene.clone(), point.triangles.unwrap_or(0));
+        let at = scenes.iter().position(|it| it.scene == name).unwrap_or_else(|| {
+            scenes.push(SceneReport { scene: name, triangles, trees: Vec::new() });
+            scenes.len() - 1
+        });
+        let trees = &mut scenes[at].trees;
+        let at = trees.iter().position(|it| it.variant == point.variant).unwrap_or_else(|| {
+            trees.push(TreeReport {
+                variant: point.variant.clone(),
+                seconds: point.build_s,
+                sah,
+                epo,
+                epo_error: 0.0,
+                epo_seconds: 0.0,
+                lcv,
+                leaves: 0.0,
+                times: Vec::new(),
+            });
+            trees.len() - 1
+        });
+        trees[at].times.push(Times::new(point.kind.clone(), 1e3 / point.mrays_per_s));
+    }
+    scenes
 }
 
 /// The trees of a scene.
@@ -161,10 +204,10 @@ fn earlier(file: &Path) -> Result<Vec<SceneReport>, Failure> {
         std::fs::read_to_string(file).map_err(|error| Failure::told(format!("{name}: {error}")))?;
     let report: Earlier = serde_json::from_str(&text).map_err(|error| {
         Failure::told(format!(
-            "{name}: {error}; it must be what `treelet inspect --metrics --trace-time --json` printed"
+            "{name}: {error}; it must be what `treelet inspect --metrics --trace-time --json` or `treelet bench --figure --json` printed"
         ))
     })?;
-    Ok(report.scenes)
+    Ok(report.scenes())
 }
 
 /// Builds and measures the trees of one scene.

@@ -34,6 +34,13 @@ pub(super) struct Times {
     spread: f64,
 }
 
+impl Times {
+    /// Of which the spread is not known.
+    pub(super) fn new(kind: String, nanoseconds: f64) -> Self {
+        Self { kind, nanoseconds, spread: 0.0 }
+    }
+}
+
 /// By variant, then by kind; in each round each tree is traced for `seconds` at least.
 pub(super) fn measure(
     triangles: &Triangles,

@@ -5,7 +5,7 @@
 //! machine is and its pilot rays how dear the scene's rays are; what the others cost follows from the table's
 //! proportions, as a lognormal belief that narrows with every tree tried.
 //!
-//! - The *first* tree is the one whose regret is least on average: its total relative to the best contender's,
+//! - The *first* tree is the one whose squared regret is least on average: its total relative to the best contender's,
 //!   over what a ray may cost, if afterwards the best use is made of the chance to build another.
 //! - The *next* one is the contender with the greatest expected improvement beyond its build (J. Mockus'
 //!   criterion; D. Jones, M. Schonlau, W. Welch, "Efficient Global Optimization of Expensive Black-Box
@@ -108,7 +108,9 @@ impl Model {
 
     /// What to build first if others may follow.
     pub(in crate::scene) fn first(&self) -> usize {
-        self.least(|first| QUANTILES.iter().map(|&z| self.regret(first, z)).sum())
+        // Squared, so that being far off once counts for more than being slightly off everywhere.
+        let excess = |first: usize, z: f64| self.regret(first, z) - 1.0;
+        self.least(|first| QUANTILES.iter().map(|&z| excess(first, z) * excess(first, z)).sum())
     }
 
     /// The total of building `first` and then the best thing, relative to that of knowing all; rays being
