@@ -20,11 +20,6 @@ use crate::run::{BenchError, engine_error, stop};
 /// Choices and builds that take less than this are made three times, and the middle one counts.
 const SHORT: f64 = 0.5;
 
-/// Builds that are given up at most before choices are timed.
-const SETTLE_MAX: usize = 12;
-/// A build that takes less than so many times what it took before is as it was.
-const SETTLED: f64 = 1.25;
-
 /// One choice, made.
 struct Made {
     seconds: f64,
@@ -46,7 +41,10 @@ pub(super) fn add(
         Question::Any => Pilot { closest: &[], any: pilot },
     };
     let mut choices = Vec::new();
-    settle(bench, pilot, &points)?;
+    // What a machine is asked but once is not part of any choice.
+    if let Some(&least) = bench.plan.choices.first() {
+        drop(choose(bench, least, pilot)?);
+    }
     for &count in &bench.plan.choices {
         let (scene, kind_name) = (&bench.subject.name, kind.name());
         bench.watcher.step(&format!("{scene}: choosing for {count} {kind_name} rays"));
@@ -72,22 +70,6 @@ pub(super) fn add(
     let kind_name = kind.name().to_owned();
     let piece = ChoicePiece { scene, threads, kind: kind_name, choices, auto };
     state.add(Piece::Choices(piece))?;
-    Ok(())
-}
-
-/// Builds until that takes what it took before: what a machine is asked but once is not part of any choice,
-/// nor are the pages of all the trees that were just let go (where they are not at hand again, builds of a kitchen
-/// took 2.6 times as long, four in a row).
-fn settle(bench: &Bench<'_>, pilot: Pilot<'_>, points: &[Point]) -> Result<(), BenchError> {
-    let Some(&least) = bench.plan.choices.first() else { return Ok(()) };
-    for _ in 0..SETTLE_MAX {
-        let Made { seconds, scene } = choose(bench, least, pilot)?;
-        let choice = scene.report().choice.as_ref();
-        let usual = points.iter().find(|it| choice.is_some_and(|ch| ch.variant == it.variant));
-        if usual.is_none_or(|it| seconds < SETTLED * it.build_s) || seconds > SHORT {
-            break;
-        }
-    }
     Ok(())
 }
 
