@@ -27,6 +27,11 @@ pub const COMPOSITIONS: [&str; 9] = [
     "sbvh+reinsertion",
 ];
 
+/// Bytes a triangle of a tree that is ready to trace, about, over all variants.
+const TREE_BYTES: u64 = 65;
+/// Bytes a triangle that the dearest build takes besides, about.
+const BUILD_BYTES: u64 = 200;
+
 /// Rays that follow each other, of which a stretch is either timed or given to the library to try: long
 /// enough to be as coherent as their neighbours.
 const STRETCH: usize = 256;
@@ -98,6 +103,27 @@ impl FigurePlan {
         builders.chain(levels).chain(COMPOSITIONS).map(str::to_owned).collect()
     }
 
+    /// Why a scene of so many triangles cannot be measured with `free` bytes of memory; `None` if it can. All trees
+    /// of a scene stand at once, so that rays go through them in turn.
+    pub fn too_large(
+        &self,
+        engines: &[Box<dyn Engine>],
+        triangles: usize,
+        free: u64,
+    ) -> Option<String> {
+        let trees: usize = engines.iter().map(|engine| self.variants_of(&**engine).len()).sum();
+        let bytes = triangles as u64 * (trees as u64 * TREE_BYTES + BUILD_BYTES);
+        let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+        (bytes > free).then(|| {
+            format!(
+                "its {trees} trees, which stand side by side, would take about {:.1} GiB, and {:.1} are free; name fewer \
+                 with --builders and --variants",
+                gib(bytes),
+                gib(free)
+            )
+        })
+    }
+
     /// Parts the rays: those that are timed, and a sample of the same kind that is not.
     pub(super) fn parted(&self, rays: &[Ray]) -> (Vec<Ray>, Vec<Ray>) {
         let (mut timed, mut pilot) = (Vec::new(), Vec::new());
@@ -129,5 +155,33 @@ impl FigurePlan {
             choices: self.choices.clone(),
             auto: self.auto.clone(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::FigurePlan;
+    use crate::crew::Clock;
+    use crate::rivals::treelet::Treelet;
+    use crate::rounds::Rounds;
+    use crate::run::Plan;
+
+    #[test]
+    fn scenes_that_do_not_fit_are_known_before() {
+        let base = Plan {
+            kinds: Vec::new(),
+            orders: Vec::new(),
+            slices: Vec::new(),
+            threads: vec![1],
+            rays: 1,
+            rounds: Rounds { count: 1, seconds: 0.0 },
+            clock: Clock::Wall,
+            builders: vec!["lbvh".into(), "hploc".into()],
+            variants: Vec::new(),
+        };
+        let plan = FigurePlan::new(base, true);
+        let reason = |free| plan.too_large(&[Box::new(Treelet)], 1 << 20, free);
+        assert_eq!(reason(1 << 30), None);
+        assert!(reason(1 << 28).unwrap().starts_with("its 2 trees"));
     }
 }

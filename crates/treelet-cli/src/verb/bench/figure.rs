@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 use treelet_bench::figure::data::Figure;
 use treelet_bench::figure::{self, FigurePlan, SceneFigure, State};
+use treelet_bench::report::Missing;
 use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
@@ -75,6 +76,12 @@ pub(super) fn run(flags: &Flags, session: &Session) -> Result<Outcome, Failure> 
             return Err(Failure::Usage(format!("two scenes are named `{name}`: rename a file")));
         }
         names.push(subject.name.clone());
+        let free = treelet_bench::peak::free_memory().unwrap_or(u64::MAX);
+        if let Some(reason) = plan.too_large(&engines, subject.triangles.len(), free) {
+            warn(&format!("{} is left out: {reason}", subject.name));
+            figure.left_out.push(Missing { name: subject.name, reason });
+            continue;
+        }
         let result = figure::scene(&subject, &mut engines, &plan, &mut state, &watcher);
         watcher.clear();
         let SceneFigure { points, choices, auto, left_out } = result.map_err(failure)?;
