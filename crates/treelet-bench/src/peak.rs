@@ -60,6 +60,13 @@ fn status(name: &str) -> Option<u64> {
     Some(1024 * kilobytes)
 }
 
+/// Bytes of memory that programs may still take; `None` where the system does not say.
+pub fn free_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
+}
+
 #[cfg(all(test, target_os = "linux"))]
 mod tests {
     use super::of_build;
@@ -97,11 +104,4 @@ mod tests {
         let peak = of_build(&Glutton, "", &triangles, &crew).unwrap();
         assert!(peak > EXTRA as u64 / 2, "{peak}");
     }
-}
-
-/// Bytes of memory that programs may still take; `None` where the system does not say.
-pub fn free_memory() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?.checked_mul(1024)
 }
