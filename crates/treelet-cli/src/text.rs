@@ -3,18 +3,7 @@
 use std::path::Path;
 use std::time::Duration;
 
-/// `1234567` as `1,234,567`.
-pub(crate) fn count(number: u64) -> String {
-    let digits = number.to_string();
-    let mut text = String::new();
-    for (index, digit) in digits.chars().enumerate() {
-        if index > 0 && (digits.len() - index).is_multiple_of(3) {
-            text.push(',');
-        }
-        text.push(digit);
-    }
-    text
-}
+pub(crate) use treelet_bench::page::count;
 
 /// A path as one word of a POSIX shell, quoted where it must be.
 pub(crate) fn shell_word(path: &Path) -> String {

@@ -199,6 +199,33 @@ impl Panel {
     }
 }
 
+#[cfg(test)]
+impl Point {
+    /// A point of diffuse rays on one thread, of which only this is known.
+    pub(crate) fn of(
+        scene: &str,
+        engine: &str,
+        variant: &str,
+        build_s: f64,
+        mrays_per_s: f64,
+    ) -> Self {
+        Self {
+            scene: scene.to_owned(),
+            engine: engine.to_owned(),
+            variant: variant.to_owned(),
+            kind: "diffuse".to_owned(),
+            threads: 1,
+            build_s,
+            mrays_per_s,
+            sah: None,
+            epo: None,
+            lcv: None,
+            triangles: None,
+            mismatch_ppm: None,
+        }
+    }
+}
+
 impl Point {
     /// What it takes to build, and how fast rays go.
     pub fn curve(&self) -> Curve {

@@ -294,20 +294,8 @@ mod tests {
     use super::{marks, windows};
 
     fn point(scene: &str, engine: &str, variant: &str, build_s: f64, mrays_per_s: f64) -> Point {
-        Point {
-            scene: scene.into(),
-            engine: engine.into(),
-            variant: variant.into(),
-            kind: "diffuse".into(),
-            threads: 1,
-            build_s,
-            mrays_per_s,
-            sah: None,
-            epo: None,
-            lcv: None,
-            triangles: Some(if scene == "small" { 79_999 } else { 80_000 }),
-            mismatch_ppm: None,
-        }
+        let triangles = Some(if scene == "small" { 79_999 } else { 80_000 });
+        Point { triangles, ..Point::of(scene, engine, variant, build_s, mrays_per_s) }
     }
 
     fn choice(rays: u64, predicted_s: f64, measured_s: f64, best_s: f64) -> Choice {

@@ -338,19 +338,8 @@ mod tests {
     use super::{mean_svg, panel_svg};
 
     fn figure(variants: &[(&str, &str, f64, f64)]) -> Figure {
-        let point = |&(engine, variant, build_s, mrays_per_s): &(&str, &str, f64, f64)| Point {
-            scene: "a<b".into(),
-            engine: engine.into(),
-            variant: variant.into(),
-            kind: "diffuse".into(),
-            threads: 1,
-            build_s,
-            mrays_per_s,
-            sah: None,
-            epo: None,
-            lcv: None,
-            triangles: None,
-            mismatch_ppm: None,
+        let point = |&(engine, variant, build_s, mrays_per_s): &(&str, &str, f64, f64)| {
+            Point::of("a<b", engine, variant, build_s, mrays_per_s)
         };
         Figure { points: variants.iter().map(point).collect(), ..Figure::default() }
     }

@@ -109,19 +109,8 @@ mod tests {
     use crate::figure::data::{Figure, Point};
 
     fn figure(points: &[(&str, &str, &str, f64, f64)]) -> Figure {
-        let point = |&(scene, engine, variant, build_s, mrays_per_s): &_| Point {
-            scene: str::to_owned(scene),
-            engine: str::to_owned(engine),
-            variant: str::to_owned(variant),
-            kind: "diffuse".into(),
-            threads: 1,
-            build_s,
-            mrays_per_s,
-            sah: None,
-            epo: None,
-            lcv: None,
-            triangles: None,
-            mismatch_ppm: None,
+        let point = |&(scene, engine, variant, build_s, mrays_per_s): &_| {
+            Point::of(scene, engine, variant, build_s, mrays_per_s)
         };
         Figure { points: points.iter().map(point).collect(), ..Figure::default() }
     }

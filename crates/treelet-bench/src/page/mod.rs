@@ -22,6 +22,8 @@ mod tests;
 
 pub use data::{CurveDrawing, HeatMap, HeatMaps, LevelBox, Page, Picture, ScenePage, TreeLine};
 
+pub use numbers::count;
+
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use charts::Source;

@@ -1,7 +1,7 @@
 //! Numbers as people read them.
 
 /// `1443517` as `1,443,517`.
-pub(super) fn count(number: u64) -> String {
+pub fn count(number: u64) -> String {
     let digits = number.to_string();
     let mut text = String::new();
     for (index, digit) in digits.chars().enumerate() {

@@ -9,20 +9,8 @@ use crate::figure::data::{Choice, Figure, Point, Window};
 const SCENE: &str = "<script>alert('&\"')</script>";
 
 fn point(scene: &str, engine: &str, variant: &str, build_s: f64, mrays_per_s: f64) -> Point {
-    Point {
-        scene: scene.to_owned(),
-        engine: engine.to_owned(),
-        variant: variant.to_owned(),
-        kind: "diffuse".into(),
-        threads: 1,
-        build_s,
-        mrays_per_s,
-        sah: None,
-        epo: None,
-        lcv: None,
-        triangles: Some(1000),
-        mismatch_ppm: None,
-    }
+    let triangles = Some(1000);
+    Point { triangles, ..Point::of(scene, engine, variant, build_s, mrays_per_s) }
 }
 
 /// A page with something of everything; the names of `engine`'s and our variants are made up.

@@ -283,7 +283,7 @@ impl Priced<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::Collapse;
-    use super::super::lower::{Packed, Placed, lower};
+    use super::super::lower::{Numbered, Packed, lower};
     use super::super::wide::{ChildKind, Wide};
     use super::*;
     use crate::bounds::Aabb;
@@ -384,7 +384,8 @@ mod tests {
             }
         };
         let cancel = Cancel::new();
-        let lowered = lower::<W>(&tree, Placed::NONE, &source, Collapse::Greedy, &cancel).unwrap();
+        let lowered =
+            lower::<W>(&tree, Numbered::NONE, &source, Collapse::Greedy, &cancel).unwrap();
         let entries = compare(&tree, &leaves, &lowered, (0, lowered.root));
         assert_eq!(entries, count);
     }

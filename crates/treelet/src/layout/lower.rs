@@ -37,14 +37,14 @@ pub(crate) struct Packed {
 
 /// The primitives that are instances.
 #[derive(Clone, Copy)]
-pub(crate) struct Placed<'a> {
+pub(crate) struct Numbered<'a> {
     /// Primitives from here on are.
     pub(crate) first: u32,
     /// Their numbers among all instances of the level, in rising order.
     pub(crate) numbers: &'a [u32],
 }
 
-impl Placed<'_> {
+impl Numbered<'_> {
     /// Where there is none.
     pub(crate) const NONE: Self = Self { first: u32::MAX, numbers: &[] };
 
@@ -64,7 +64,7 @@ impl Placed<'_> {
 /// Lowers a tree whose leaves fit ([`split_leaves`]). `source` gives the triangles of some numbers.
 pub(crate) fn lower<const W: usize>(
     tree: &Tree,
-    instances: Placed<'_>,
+    instances: Numbered<'_>,
     source: &(impl Fn(&[u32], &mut [Packed]) + Sync),
     collapse: Collapse,
     cancel: &Cancel,
@@ -109,7 +109,7 @@ pub(crate) fn split_leaves(mut tree: Tree, bounds: &[Aabb], triangles: usize) ->
             && !fits(&tree.prims[first..first + count])
         {
             let prims = &mut tree.prims[first..first + count];
-            // Triangles go before instances; a leaf of one kind is halved.
+            // Triangles go before instances; leaves of one kind are halved.
             prims.sort_unstable();
             let of_triangles = prims.partition_point(|&prim| (prim as usize) < triangles);
             let left = if of_triangles % count == 0 { count / 2 } else { of_triangles };

@@ -32,7 +32,7 @@ const CHUNK: usize = 1024;
 pub(crate) struct Content<'a, T, I> {
     /// Gives the triangles of some ids; `false` if one of them is not fit for a scene any more.
     pub(crate) triangles: &'a T,
-    /// The box of the instance that is a leaf's entry, counted from the first one.
+    /// The box of the instance of that number.
     pub(crate) instance: &'a I,
 }
 
@@ -146,7 +146,7 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
 }
 
 /// The same tree, where only the boxes of some instances changed: those that are `moved`, by their
-/// place among the leaves' entries. `bounds` and `areas` are those of the tree as it is.
+/// numbers. `bounds` and `areas` are those of the tree as it is.
 ///
 /// Cost: copies the layout and reads the children of every node; then a few steps for each.
 pub(crate) fn touch<const W: usize>(

@@ -3,7 +3,7 @@
 //! All triangles of a node's leaves are fetched together: their numbers, then their corners. Reads
 //! that do not wait for each other overlap, which is what counts where every one misses the cache.
 
-use super::lower::{Packed, Placed};
+use super::lower::{Numbered, Packed};
 use super::order::{self, Outlook};
 use super::select::{Chosen, NO_PARENT, Part, Selected};
 use super::wide::{Child, LEAF_MAX, Node, SLOTS_MAX, TRIANGLE_WORDS};
@@ -20,7 +20,7 @@ pub(super) struct Writer<'a, F> {
     pub(super) tree: &'a Tree,
     /// Gives the triangles of some numbers.
     pub(super) source: &'a F,
-    pub(super) instances: Placed<'a>,
+    pub(super) instances: Numbered<'a>,
     /// Leaves' entries from here on are instances.
     pub(super) triangles: usize,
     /// The scale of [`order::unit`].

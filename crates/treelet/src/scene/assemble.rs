@@ -15,7 +15,7 @@ use crate::geometry::Mesh;
 use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
-use crate::layout::lower::{Packed, Placed, lower, split_leaves};
+use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
 use crate::trace::placements::Instance;
@@ -161,8 +161,8 @@ fn finish(
     }
     // Where there is no instance, nobody looks for one.
     let placed = match &*prims.instances {
-        [] => Placed::NONE,
-        numbers => Placed { first: prims.triangles as u32, numbers },
+        [] => Numbered::NONE,
+        numbers => Numbered { first: prims.triangles as u32, numbers },
     };
     let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;
     let geometries: Vec<_> =

@@ -11,7 +11,7 @@ mod passes;
 mod report;
 mod video;
 
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use treelet::BuildOptions;
 use treelet::math::Affine;
@@ -61,19 +61,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     let estimate = flags.rays(session.threads);
     let options = flags.tree.options(optimizers.as_deref(), estimate);
     let options = BuildOptions { invalid: flags.invalid.into(), ..options };
-    let plan = options.plan();
-    let building = Instant::now();
-    let placed = input.build(&options, session)?;
-    let build_time = building.elapsed();
-    input::warn_of_skipped(&placed);
-    let choice = ChoiceReport::of(&placed);
-    let largest = placed.reports().max_by_key(|report| report.triangles);
-    let (builder, made_by) = match largest {
-        Some(report) => (report.builder, report.plan.clone()),
-        None => (plan.builder.info().name, plan.to_string()),
-    };
-    say(&format!("{made_by} tree built in {}", text::time(build_time)));
-    choice.iter().for_each(ChoiceReport::tell);
+    let quality = options.plan().quality.name();
+    let Grown { placed, time: build_time, builder, made_by, choice } =
+        grow(&input, &options, session)?;
 
     // Make passes until the goal or Ctrl-C.
     let camera = cameras::choose(&flags, &input, &placed)?;
@@ -123,7 +113,7 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         noise: noise.is_finite().then_some(noise),
         samples: film.samples(),
         threads: session.threads,
-        quality: plan.quality.name(),
+        quality,
         builder,
         plan: made_by,
         choice,
@@ -148,6 +138,33 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     };
     report::tell(&report, &made, &goal);
     Outcome::new("render", &report, if cancelled { Ending::Cancelled } else { Ending::Done })
+}
+
+/// What rays are traced against, and what was said of it.
+struct Grown {
+    placed: PlacedModel,
+    time: Duration,
+    /// Of the largest tree.
+    builder: &'static str,
+    made_by: String,
+    choice: Option<ChoiceReport>,
+}
+
+/// Builds the trees, and tells how.
+fn grow(input: &Input, options: &BuildOptions<'_>, session: &Session) -> Result<Grown, Failure> {
+    let building = Instant::now();
+    let placed = input.build(options, session)?;
+    let time = building.elapsed();
+    input::warn_of_skipped(&placed);
+    let choice = ChoiceReport::of(&placed);
+    let largest = placed.reports().max_by_key(|report| report.triangles);
+    let (builder, made_by) = match largest {
+        Some(report) => (report.builder, report.plan.clone()),
+        None => (options.plan().builder.info().name, options.plan().to_string()),
+    };
+    say(&format!("{made_by} tree built in {}", text::time(time)));
+    choice.iter().for_each(ChoiceReport::tell);
+    Ok(Grown { placed, time, builder, made_by, choice })
 }
 
 /// The picture of --env takes the place of the scene's sky.

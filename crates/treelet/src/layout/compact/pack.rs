@@ -150,7 +150,7 @@ mod tests {
     use crate::geometry::mesh::COORDINATE_MAX;
     use crate::layout::Collapse;
     use crate::layout::compact::Random;
-    use crate::layout::lower::{Packed, Placed, lower, split_leaves};
+    use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
     use crate::layout::packing::{Block, Packing};
     use crate::layout::wide::{BLOCK_WORDS, Child, ChildKind, Plain};
     use crate::simd::Scalar;
@@ -186,7 +186,7 @@ mod tests {
                 let tree = split_leaves(tree, &bounds, count);
                 let cancel = Cancel::default();
                 let numbers: Vec<u32> = (0..instances as u32).map(|at| 3 * at).collect();
-                let placed = Placed { first: count as u32, numbers: &numbers };
+                let placed = Numbered { first: count as u32, numbers: &numbers };
                 let wide = lower::<WIDTH>(&tree, placed, &source, Collapse::Optimal, &cancel);
                 let wide = wide.unwrap();
                 let compact = pack(&wide, &cancel).unwrap();
