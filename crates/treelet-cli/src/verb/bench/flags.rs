@@ -35,6 +35,11 @@ pub(crate) struct Flags {
     #[arg(value_parser = clap::builder::PossibleValuesParser::new(rivals::NAMES))]
     against: Vec<String>,
 
+    /// Copy the triangles of instances, for rivals that have none; otherwise scenes in which something is
+    /// placed more than once are measured with their instances. Figures always copy them.
+    #[arg(long)]
+    pub(super) flatten: bool,
+
     /// Kinds of rays [default: all].
     #[arg(long, value_delimiter = ',', value_name = "KIND,..")]
     #[arg(value_parser = clap::builder::PossibleValuesParser::new(Kind::ALL.map(Kind::name)))]
