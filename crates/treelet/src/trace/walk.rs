@@ -20,7 +20,7 @@ use super::instance::InstanceLeaf;
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::geometry::block;
+use crate::geometry::{Meeting, block};
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
@@ -47,7 +47,7 @@ pub(crate) struct Found<'a> {
     pub(crate) t: f32,
     pub(crate) u: f32,
     pub(crate) v: f32,
-    /// Of the triangle, among all of its level: ordered as `(geom, prim)` is.
+    /// Of the primitive, among all of its level: ordered as `(geom, prim)` is.
     pub(crate) id: u32,
     /// Rank of the path to the level.
     pub(crate) inst: u64,
@@ -149,8 +149,20 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             }
+            let at = first - frame.wide.triangles;
+            if let Some(id) = at.checked_sub(frame.structure.instances.len()) {
+                counters.leaf(1);
+                if let Some(found) = other(&frame, id as u32, ray)
+                    && found.t <= visitor.t_max()
+                    && visitor.hit(found).is_break()
+                {
+                    return;
+                }
+                next = pop(visitor.t_max(), &mut stack, counters);
+                continue;
+            }
             let leaf = InstanceLeaf {
-                at: first - frame.wide.triangles,
+                at,
                 frame: &mut frame,
                 frames: &mut frames,
                 ray,
@@ -165,6 +177,21 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             next = pop(visitor.t_max(), &mut stack, counters);
         }
     }
+}
+
+/// The hit with a primitive that is no triangle. Out of line, and compiled once for all walks through a layout.
+#[inline(never)]
+fn other<'a, K: Packing<W>, const W: usize>(
+    frame: &Frame<'a, K, W>,
+    id: u32,
+    ray: &Ray,
+) -> Option<Found<'a>> {
+    let Frame { structure, inst, .. } = *frame;
+    if !structure.sees(id, ray.mask) {
+        return None;
+    }
+    let Meeting { t, u, v } = structure.meet(id, &frame.ray.local(ray))?;
+    Some(Found { t, u, v, id, inst, structure })
 }
 
 /// Shows the visitor the hits with the triangles of a leaf.
