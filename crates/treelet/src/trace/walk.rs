@@ -150,7 +150,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 break;
             }
             let at = first - frame.wide.triangles;
-            if let Some(id) = at.checked_sub(frame.structure.instances.len()) {
+            if let Some(id) = at.checked_sub(frame.structure.instances.entries()) {
                 counters.leaf(1);
                 if let Some(found) = other(&frame, id as u32, ray)
                     && found.t <= visitor.t_max()
@@ -169,12 +169,14 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 t_max: visitor.t_max(),
                 counters: &mut *counters,
             };
-            if simd.call(leaf) {
-                stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                next = frame.wide.root;
-                break;
+            let start = simd.call(leaf);
+            if start == Child::NONE {
+                next = pop(visitor.t_max(), &mut stack, counters);
+                continue;
             }
-            next = pop(visitor.t_max(), &mut stack, counters);
+            stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
+            next = start;
+            break;
         }
     }
 }
