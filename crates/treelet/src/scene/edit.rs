@@ -28,7 +28,7 @@ pub const DECAY_MAX: f64 = 1.4;
 
 /// What a commit may do to a tree.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Update {
+pub enum Policy {
     /// Refit where that is possible and the tree stays good enough ([`DECAY_MAX`]), else rebuild.
     #[default]
     Auto,
@@ -152,7 +152,7 @@ pub struct Edit {
     /// How many there are, the new ones included.
     counts: [usize; 2],
     /// What the commit may do to the tree.
-    pub update: Update,
+    pub policy: Policy,
 }
 
 impl Scene {
@@ -163,7 +163,7 @@ impl Scene {
             geometries: BTreeMap::new(),
             instances: BTreeMap::new(),
             counts: [self.structure.geometries.len(), self.structure.instances.len()],
-            update: Update::default(),
+            policy: Policy::default(),
         }
     }
 }

@@ -16,7 +16,7 @@ mod slices;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use choice::{Candidate, Choice, Pilot};
-pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Reason, Update};
+pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Policy, Reason};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
 pub use recipe::{Recipe, RecipeError};

@@ -3,7 +3,7 @@
 //! Cost: O(blocks of instances + meshes), and what changed: one reverse sweep of the tree where vertices
 //! moved, a copy of it and the way up from a few instances, or a build.
 
-use super::{Action, Commit, DECAY_MAX, Edit, Reason, Update};
+use super::{Action, Commit, DECAY_MAX, Edit, Policy, Reason};
 use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::{Cancel, parallel};
@@ -43,11 +43,11 @@ impl Edit {
         if self.geometries.is_empty() && self.instances.is_empty() {
             return done(self.before, Action::Kept, Reason::Unchanged, 1.0);
         }
-        let reason = match self.update {
-            Update::Rebuild => Reason::Asked,
-            Update::Auto | Update::Refit => match self.refit(options)? {
+        let reason = match self.policy {
+            Policy::Rebuild => Reason::Asked,
+            Policy::Auto | Policy::Refit => match self.refit(options)? {
                 Err(reason) => reason,
-                Ok((scene, decay)) if self.update == Update::Refit || decay <= DECAY_MAX => {
+                Ok((scene, decay)) if self.policy == Policy::Refit || decay <= DECAY_MAX => {
                     return done(scene, Action::Refitted, Reason::Same, decay);
                 }
                 Ok(_) => Reason::Decayed,
