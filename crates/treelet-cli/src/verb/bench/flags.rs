@@ -12,6 +12,7 @@ use treelet_bench::rivals::{self, embree};
 use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
+use super::animate::AnimateFlags;
 use super::figure::FigureFlags;
 use super::page::PageFlags;
 use super::twist::TwistFlags;
@@ -86,6 +87,9 @@ pub(crate) struct Flags {
 
     #[command(flatten)]
     pub(super) twist: TwistFlags,
+
+    #[command(flatten)]
+    pub(super) animate: AnimateFlags,
 
     /// Do not measure the most memory that each build takes, which needs a process of its own.
     #[arg(long)]

@@ -1,5 +1,6 @@
 //! `treelet bench`: treelet and its rivals on the same triangles and the same rays.
 
+mod animate;
 mod figure;
 mod flags;
 mod page;
@@ -39,11 +40,17 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     } else {
         pages::forbid();
     }
+    if let Some(frames) = flags.animate.animate {
+        return animate::run(&flags, frames, session);
+    }
     if let Some(frames) = flags.twist.twist {
         return twist::run(&flags, frames, session);
     }
     if flags.figure.figure {
         return figure::run(&flags, session);
+    }
+    if flags.figure.plot.is_some() {
+        return Err(Failure::Usage("--plot: a picture is of a figure or a clip; add --figure or --animate".into()));
     }
     if flags.page.report.is_some() {
         return Err(Failure::Usage("--report: the page is of a figure; add --figure".into()));
