@@ -1,6 +1,6 @@
 //! Where instances are: checked, ranked, boxed, and widened as `trace::slack` derives.
 
-use super::builder::{BuildOptions, Invalid, Placed};
+use super::builder::{BuildOptions, Crowd, Invalid, Placed};
 use super::report::BuildReport;
 use super::{InstanceDefect, SceneError};
 use crate::bounds::Aabb;
@@ -9,7 +9,7 @@ use crate::geometry::mesh::COORDINATE_MAX;
 use crate::math::{Affine, affine};
 use crate::memory;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
-use crate::trace::slack::{Near, Slack};
+use crate::trace::slack::{self, Near, Slack, Stretch};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -41,13 +41,8 @@ pub(super) enum Part {
 }
 
 /// Blocks of what is to be placed, each full but for the last.
-pub(super) fn parts(placed: impl IntoIterator<Item = Placed>) -> Vec<Part> {
-    let mut placed = placed.into_iter().peekable();
-    let mut parts = Vec::new();
-    while placed.peek().is_some() {
-        parts.push(Part::New(placed.by_ref().take(BLOCK).collect()));
-    }
-    parts
+pub(super) fn parts(placed: Crowd) -> Vec<Part> {
+    placed.blocks.into_iter().map(Part::New).collect()
 }
 
 impl Placed {
@@ -81,8 +76,7 @@ pub(super) fn place_instances(
         if let Located::New { defects, .. } = located {
             report_defects(block, defects, options, report)?;
         }
-        let empty = located.block().items.iter().filter(|it| it.structure.bounds.is_empty());
-        report.empty_instances += empty.count() as u64;
+        report.empty_instances += located.block().empty;
     }
 
     // Only now is it known how large the level is, and so what rays are near.
@@ -122,7 +116,7 @@ type Defects = Vec<(usize, InstanceDefect)>;
 /// A block of instances that are where they are, their boxes not widened if they are new.
 enum Located {
     Kept(Arc<Block>),
-    New { block: Block, defects: Defects },
+    New { block: Block, stretches: Vec<Stretch>, defects: Defects },
 }
 
 impl Located {
@@ -134,16 +128,20 @@ impl Located {
             far_share: 0.0,
             paths: 0,
             repeats: false,
+            empty: 0,
+            layouts: 0,
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
+        let mut stretches = Vec::with_capacity(placed.len());
         for (at, placed) in placed.into_iter().enumerate() {
             let place = locate(&placed).unwrap_or_else(|defect| {
                 defects.push((at, defect));
                 Place::NOWHERE
             });
             let Placed { structure, world_from_object, mask } = placed;
-            let Place { object_from_world, bounds, reach } = place;
+            let Place { object_from_world, bounds, reach, stretch } = place;
+            stretches.push(stretch);
             if !bounds.is_empty() {
                 let limit = Near::limit(&structure.slack, &object_from_world);
                 block.limit = block.limit.min(limit);
@@ -151,12 +149,14 @@ impl Located {
             block.reach = block.reach.union(&reach);
             block.paths = block.paths.saturating_add(structure.paths);
             block.repeats |= structure.repeats;
+            block.empty += u64::from(structure.bounds.is_empty());
+            block.layouts |= structure.layout.bit();
             let columns = Instance::columns(&object_from_world);
             let (corners, rank) = (Instance::corners(&bounds), 0);
             let placed = Instance { columns, corners, structure, rank, mask, world_from_object };
             block.items.push(placed);
         }
-        Self::New { block, defects }
+        Self::New { block, stretches, defects }
     }
 
     fn block(&self) -> &Block {
@@ -168,29 +168,26 @@ impl Located {
 
     /// With boxes for what is near, and ranks from `rank` on; and what is wrong with that.
     fn widened(self, near: Near, rank: u64) -> (Arc<Block>, Defects) {
-        let mut block = match self {
-            Self::New { block, .. } => block,
+        let (mut block, stretches) = match self {
+            Self::New { block, stretches, .. } => (block, stretches),
             Self::Kept(block) if block.near == near && block.first_rank() == Some(rank) => {
                 return (block, Vec::new());
             }
             Self::Kept(block) => match Self::new(block.items.iter().map(Placed::again).collect()) {
-                Self::New { block, .. } => block,
+                Self::New { block, stretches, .. } => (block, stretches),
                 Self::Kept(block) => return (block, Vec::new()),
             },
         };
         let mut defects = Vec::new();
         let mut next = rank;
-        for (at, instance) in block.items.iter_mut().enumerate() {
+        for (at, (instance, stretch)) in block.items.iter_mut().zip(&stretches).enumerate() {
             instance.rank = next;
             next = next.saturating_add(instance.structure.paths);
             let bounds = instance.bounds();
             if bounds.is_empty() {
                 continue;
             }
-            let map = &instance.object_from_world();
-            // Not singular, or it would be nowhere.
-            let exact = map.inverse_f64().unwrap_or_default();
-            let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
+            let (by, far_share) = near.widening_of(&instance.structure.slack, *stretch);
             block.far_share = block.far_share.max(far_share);
             let bounds = bounds.widened(by);
             instance.set_bounds(&bounds);
@@ -229,11 +226,17 @@ struct Place {
     object_from_world: Affine,
     bounds: Aabb,
     reach: Aabb,
+    /// What [`Near::widening_of`] asks for.
+    stretch: Stretch,
 }
 
 impl Place {
-    const NOWHERE: Self =
-        Self { object_from_world: Affine::IDENTITY, bounds: Aabb::EMPTY, reach: Aabb::EMPTY };
+    const NOWHERE: Self = Self {
+        object_from_world: Affine::IDENTITY,
+        bounds: Aabb::EMPTY,
+        reach: Aabb::EMPTY,
+        stretch: [0.0; 4],
+    };
 }
 
 fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
@@ -268,7 +271,8 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     };
     let reach = whole.union(&bounds);
     let Aabb { lo, hi } = reach;
-    let place = Place { object_from_world, bounds, reach };
+    let stretch = slack::stretch(&object_from_world, &exact);
+    let place = Place { object_from_world, bounds, reach, stretch };
     if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
 }
 

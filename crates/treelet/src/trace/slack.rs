@@ -87,9 +87,11 @@ impl Near {
         object_from_world: &Affine,
         world_from_object: &[[f64; 4]; 3],
     ) -> (f32, f64) {
-        let a = object_from_world.0.map(|row| row.map(f64::from));
-        let [m, n] = [row_sum(&a), row_sum(world_from_object)];
-        let (k, v) = absolute_products(world_from_object, &a);
+        self.widening_of(inner, stretch(object_from_world, world_from_object))
+    }
+
+    /// The same, of the map's stretch.
+    pub(crate) fn widening_of(&self, inner: &Slack, [m, n, k, v]: Stretch) -> (f32, f64) {
         let Self { reach, coordinate_max } = *self;
 
         let inside = n * inner.accepted_within(m * reach);
@@ -99,6 +101,17 @@ impl Near {
         let by = MARGIN * f64::from(UNIT_ROUNDOFF) * (inside + moving);
         (crate::math::rounding::up(by), far_share)
     }
+}
+
+/// `m`, `n`, `K` and `v` of a map.
+pub(crate) type Stretch = [f64; 4];
+
+/// The stretch of a map that rays go through, and of its exact inverse.
+pub(crate) fn stretch(object_from_world: &Affine, world_from_object: &[[f64; 4]; 3]) -> Stretch {
+    let a = object_from_world.0.map(|row| row.map(f64::from));
+    let [m, n] = [row_sum(&a), row_sum(world_from_object)];
+    let (k, v) = absolute_products(world_from_object, &a);
+    [m, n, k, v]
 }
 
 /// How much wider boxes of a level count, in units of `u`: `SLACK R`, and `far_share` times what
