@@ -36,7 +36,7 @@ fn stir(shape: &Shape, from: f32, size: f32, random: &mut Random) -> Vec<[f32; 3
 #[test]
 fn repaired_trees_answer_like_fresh_ones() {
     let mut random = Random::new(SEED);
-    let shape = closed::random_star(90, 60, 7);
+    let shape = closed::random_star(60, 40, 7);
     let trees = LayoutChoice::ALL.iter().zip(["default", "presplit+hploc", "sbvh"]);
     for (layout, builder) in trees {
         let recipe: Recipe = builder.parse().unwrap();
