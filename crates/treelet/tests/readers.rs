@@ -58,8 +58,7 @@ fn readers_go_on_while_a_commit_is_held_open() {
                 pool.install(|| edit.commit(&options)).unwrap()
             });
             is_inside.recv_timeout(PATIENCE).unwrap();
-            let readers: Vec<_> =
-                (0..2).map(|_| scope.spawn(|| answers(&scene, &rays))).collect();
+            let readers: Vec<_> = (0..2).map(|_| scope.spawn(|| answers(&scene, &rays))).collect();
             for reader in readers {
                 assert_eq!(reader.join().unwrap(), before, "{policy:?}");
             }
@@ -113,7 +112,8 @@ fn readers_see_whole_snapshots() {
         let mut scene = fresh[0].clone();
         for index in 1..=COMMITS {
             let mut edit = scene.edit();
-            edit.policy = [Policy::Refit, Policy::Repair, Policy::Rebuild, Policy::Rays(60)][index % 4];
+            edit.policy =
+                [Policy::Refit, Policy::Repair, Policy::Rebuild, Policy::Rays(60)][index % 4];
             edit.set_positions(0, positions(size(index))).unwrap();
             scene = edit.commit(&options).unwrap().scene;
             *latest.lock().unwrap() = Arc::new((index, scene.clone()));

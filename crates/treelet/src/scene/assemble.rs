@@ -1,8 +1,8 @@
-//! From meshes and instances to a level that can be walked: gather, build, lower.
+//! From geometries and instances to a level that can be walked: gather, build, lower.
 
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
-use super::gather::{Names, Prims, add_triangles};
+use super::gather::{Names, Prims, add_triangles, first_ids, other_boxes};
 use super::improve;
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
@@ -11,7 +11,6 @@ use super::{Plan, Quality, Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
-use crate::geometry::Mesh;
 use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
@@ -47,9 +46,10 @@ pub(super) fn assemble(
     Gathered::new(description, options)?.scene(&options.plan(), options, false)
 }
 
-/// Meshes and instances, checked and boxed: what any number of trees can be built over.
+/// Geometries and instances, checked and boxed: what any number of trees can be built over.
 pub(super) struct Gathered {
-    meshes: Vec<(Mesh, u32)>,
+    geometries: Vec<Geometry>,
+    first_ids: Vec<u32>,
     placements: Placements,
     prims: Prims,
     report: BuildReport,
@@ -57,35 +57,48 @@ pub(super) struct Gathered {
 }
 
 impl Gathered {
-    /// Checks and boxes what the leaves will hold: triangles first, then instances.
+    /// Checks and boxes what the leaves will hold: triangles first, then instances, then what else there is.
     pub(super) fn new(
         description: SceneBuilder,
         options: &BuildOptions<'_>,
     ) -> Result<Self, SceneError> {
         let clock = Stopwatch::start();
         let mut report = BuildReport::default();
-        let room = description.meshes.iter().map(|(mesh, _)| mesh.triangles().len()).sum();
-        let mut prims = Prims::with_room(room, description.instances.len())?;
-        for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
+        let SceneBuilder { geometries, instances } = description;
+        let first_ids = first_ids(&geometries)?;
+        let others = other_boxes(&geometries, &first_ids, options, &mut report)?;
+        let meshes = geometries.iter().enumerate();
+        let meshes = meshes.filter_map(|(geom, geometry)| Some((geom, geometry.mesh()?)));
+        let triangles = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
+        let mut prims = Prims::with_room(triangles, instances.len() + others.len())?;
+        for (geom, mesh) in meshes {
             add_triangles(geom, mesh, options, &mut prims, &mut report)?;
         }
-        let meshes = prims.meshes;
-        let placements =
-            place_instances(parts(description.instances), meshes, options, &mut report)?;
+        let around = others.iter().fold(prims.around, |all, (_, bounds)| all.union(bounds));
+        prims.around = around;
+        let placements = place_instances(parts(instances), around, options, &mut report)?;
         let placed = placements
             .instances
             .iter()
             .zip(0..)
             .filter(|(instance, _)| !instance.bounds().is_empty());
         for (instance, index) in placed {
-            prims.add_instance(index, instance.bounds());
+            prims.add_single(index, instance.bounds());
+        }
+        report.instances = prims.singles.len() as u64;
+        // Leaves call them by their ids, after all instances.
+        let after = placements.instances.len() as u64;
+        for (id, bounds) in others {
+            let number = after + u64::from(id);
+            let number =
+                u32::try_from(number).map_err(|_| BuildError::TooManyPrims { prims: number })?;
+            prims.add_single(number, bounds);
         }
         report.triangles = prims.triangles as u64;
-        report.instances = prims.instances.len() as u64;
-        Ok(Self { meshes: description.meshes, placements, prims, report, clock })
+        Ok(Self { geometries, first_ids, placements, prims, report, clock })
     }
 
-    /// What leaves will hold: triangles and instances.
+    /// What leaves will hold.
     pub(super) fn prims(&self) -> usize {
         self.prims.bounds().len()
     }
@@ -104,17 +117,19 @@ impl Gathered {
         again: bool,
     ) -> Result<Scene, SceneError> {
         let (mut tree, mut report) = self.tree(plan, options)?;
-        let Self { meshes, placements, prims, clock, .. } = self;
-        if report.tree.leaf_max as usize > LEAF_MAX || !prims.instances.is_empty() {
+        let Self { geometries, first_ids, placements, prims, clock, .. } = self;
+        if report.tree.leaf_max as usize > LEAF_MAX || !prims.singles.is_empty() {
             tree = split_leaves(tree, prims.bounds(), prims.triangles);
         }
-        let (meshes, instances) = if again {
-            (meshes.clone(), placements.instances.clone())
+        let (geometries, first_ids, instances) = if again {
+            (geometries.clone(), first_ids.clone(), placements.instances.clone())
         } else {
-            (mem::take(meshes), mem::take(&mut placements.instances))
+            let instances = mem::take(&mut placements.instances);
+            (mem::take(geometries), mem::take(first_ids), instances)
         };
-        let placements = Placements { instances, ..*placements };
-        let structure = finish(meshes, placements, prims, &tree, plan.collapse, options, again)?;
+        let content =
+            Content { geometries, first_ids, placements: Placements { instances, ..*placements } };
+        let structure = finish(content, prims, &tree, plan.collapse, options, again)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         let (structure, report) = (Arc::new(structure), Arc::new(report));
@@ -128,9 +143,9 @@ impl Gathered {
         options: &BuildOptions<'_>,
     ) -> Result<(Tree, BuildReport), SceneError> {
         let clock = Stopwatch::start();
-        let Self { meshes, prims: Prims { names, triangles, .. }, .. } = self;
+        let Self { geometries, prims: Prims { names, triangles, .. }, .. } = self;
         let bounds = self.prims.bounds();
-        let cut = Cuttable { meshes, names, triangles: *triangles, bounds };
+        let cut = Cuttable { geometries, names, triangles: *triangles, bounds };
         let tree = plan.build(bounds, &cut, &options.context)?;
         let report = BuildReport {
             builder: plan.builder.info().name,
@@ -143,39 +158,36 @@ impl Gathered {
     }
 }
 
+/// What the numbers in a tree stand for.
+struct Content {
+    geometries: Vec<Geometry>,
+    first_ids: Vec<u32>,
+    placements: Placements,
+}
+
 /// Lowers the tree and derives what walks need to know about the level. The boxes of `prims` are let go unless
 /// another tree is to be built over them `again`.
 fn finish(
-    meshes: Vec<(Mesh, u32)>,
-    placements: Placements,
+    content: Content,
     prims: &mut Prims,
     tree: &Tree,
     collapse: Collapse,
     options: &BuildOptions<'_>,
     again: bool,
 ) -> Result<Structure, SceneError> {
+    let Content { geometries, first_ids, placements } = content;
     let Placements { instances, reach, slack, paths } = placements;
     let repeats = tree.prims.len() > prims.bounds().len()
         || instances.blocks.iter().any(|block| block.repeats);
     if !again {
         prims.forget_bounds();
     }
-    // Where there is no instance, nobody looks for one.
-    let placed = match &*prims.instances {
+    // Where there are triangles only, nobody looks for anything else.
+    let placed = match &*prims.singles {
         [] => Numbered::NONE,
         numbers => Numbered { first: prims.triangles as u32, numbers },
     };
     let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;
-    let geometries: Vec<_> =
-        meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect();
-    let mut first_ids = Vec::with_capacity(geometries.len());
-    let mut id = 0_u32;
-    for geometry in &geometries {
-        first_ids.push(id);
-        let count = geometry.mesh.triangles().len();
-        let next = u32::try_from(count).ok().and_then(|count| id.checked_add(count));
-        id = next.ok_or(BuildError::TooManyPrims { prims: u64::from(id) + count as u64 })?;
-    }
 
     let source = Source { geometries: &geometries, first_ids: &first_ids, names: &prims.names };
     let source = |prims: &[u32], packed: &mut [Packed]| source.fetch(prims, packed);
@@ -202,7 +214,7 @@ fn finish(
         bounds: tree.bounds(),
         cover: cover(tree),
         repeats,
-        around_meshes: prims.meshes,
+        around_meshes: prims.around,
     };
     Ok(level.structure())
 }
@@ -217,7 +229,7 @@ pub(super) struct Level {
     pub(super) bounds: Aabb,
     pub(super) cover: Vec<Aabb>,
     pub(super) repeats: bool,
-    /// Around the meshes alone.
+    /// Around everything but the instances.
     pub(super) around_meshes: Aabb,
 }
 
@@ -229,6 +241,7 @@ impl Level {
         Structure {
             repeats: self.repeats,
             level,
+            flat: instances.is_empty() && geometries.iter().all(|it| it.mesh().is_some()),
             unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
             geometries,
             first_ids,
@@ -272,7 +285,8 @@ impl Source<'_> {
 
     /// Triangles of one mesh.
     fn fetch_of(&self, geom: usize, prims: &[u32], packed: &mut [Packed]) {
-        let (mesh, first_id) = (&self.geometries[geom].mesh, self.first_ids[geom]);
+        let Some(mesh) = self.geometries[geom].mesh() else { return };
+        let first_id = self.first_ids[geom];
         let (positions, triangles) = (mesh.positions(), mesh.triangles());
         let mut corners = [[0_u32; 3]; FETCH];
         for (&prim, corners) in prims.iter().zip(&mut corners) {
@@ -290,7 +304,8 @@ impl Source<'_> {
             *name = all[at as usize];
         }
         for (&(geom, prim), packed) in names.iter().zip(packed) {
-            let corners = self.geometries[geom as usize].mesh.corners(prim as usize);
+            let mesh = self.geometries[geom as usize].mesh();
+            let corners = mesh.and_then(|mesh| mesh.corners(prim as usize));
             *packed = Packed {
                 corners: corners.unwrap_or_default(),
                 id: self.first_ids[geom as usize] + prim,

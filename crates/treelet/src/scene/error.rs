@@ -20,6 +20,18 @@ pub enum SceneError {
         /// What is wrong.
         defect: Defect,
     },
+    /// A primitive that is no triangle is not finite, or too far away.
+    #[error("geometry {geom}, {kind} {prim}: {defect}; mend it, or build with `Invalid::Skip`")]
+    Primitive {
+        /// Which geometry of the scene.
+        geom: usize,
+        /// What its primitives are.
+        kind: &'static str,
+        /// Which of them.
+        prim: usize,
+        /// What is wrong.
+        defect: Defect,
+    },
     /// An instance's map is singular, not finite, extreme, or puts it too far away.
     #[error("instance {instance}: {defect}; mend the transform, or build with `Invalid::Skip`")]
     Instance {

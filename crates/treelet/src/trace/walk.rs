@@ -20,7 +20,7 @@ use super::instance::InstanceLeaf;
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::geometry::block;
+use crate::geometry::{Meeting, block};
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
@@ -47,7 +47,7 @@ pub(crate) struct Found<'a> {
     pub(crate) t: f32,
     pub(crate) u: f32,
     pub(crate) v: f32,
-    /// Of the triangle, among all of its level: ordered as `(geom, prim)` is.
+    /// Of the primitive, among all of its level: ordered as `(geom, prim)` is.
     pub(crate) id: u32,
     /// Rank of the path to the level.
     pub(crate) inst: u64,
@@ -134,37 +134,58 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 if triangles::<K, S, V, W>(simd, &frame, (first, count), ray, visitor).is_break() {
                     return;
                 }
-                next = pop(visitor.t_max(), &mut stack, counters);
-                continue;
-            }
-
-            if next == Child::NONE {
+            } else if next == Child::NONE {
                 let Some(pending) = stack.pop() else { return };
                 next = pending.child();
                 continue;
-            }
-            if next == Child::END {
+            } else if next == Child::END {
                 let Some(outer) = frames.pop() else { return };
                 frame = outer;
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
-            }
-            let leaf = InstanceLeaf {
-                at: first - frame.wide.triangles,
-                frame: &mut frame,
-                frames: &mut frames,
-                ray,
-                t_max: visitor.t_max(),
-                counters: &mut *counters,
-            };
-            if simd.call(leaf) {
-                stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                next = frame.wide.root;
-                break;
+            } else if let at = first - frame.wide.triangles
+                && let Some(id) = at.checked_sub(frame.structure.instances.len())
+            {
+                counters.leaf(1);
+                if let Some(found) = other(&frame, id as u32, ray)
+                    && found.t <= visitor.t_max()
+                    && visitor.hit(found).is_break()
+                {
+                    return;
+                }
+            } else {
+                let leaf = InstanceLeaf {
+                    at: first - frame.wide.triangles,
+                    frame: &mut frame,
+                    frames: &mut frames,
+                    ray,
+                    t_max: visitor.t_max(),
+                    counters: &mut *counters,
+                };
+                if simd.call(leaf) {
+                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
+                    next = frame.wide.root;
+                    break;
+                }
             }
             next = pop(visitor.t_max(), &mut stack, counters);
         }
     }
+}
+
+/// The hit with a primitive that is no triangle. Out of line, and compiled once for all walks through a layout.
+#[inline(never)]
+fn other<'a, K: Packing<W>, const W: usize>(
+    frame: &Frame<'a, K, W>,
+    id: u32,
+    ray: &Ray,
+) -> Option<Found<'a>> {
+    let Frame { structure, inst, .. } = *frame;
+    if !structure.sees(id, ray.mask) {
+        return None;
+    }
+    let Meeting { t, u, v } = structure.meet(id, &frame.ray.local(ray))?;
+    Some(Found { t, u, v, id, inst, structure })
 }
 
 /// Shows the visitor the hits with the triangles of a leaf.

@@ -1,5 +1,5 @@
-//! The definition of every answer: test each triangle, visit no tree, look at no box but the
-//! triangle's own and those of the instances on the way to it.
+//! The definition of every answer: test each primitive, visit no tree, look at no box but the
+//! primitive's own and those of the instances on the way to it.
 //!
 //! Cost: about 2 ns a triangle and ray on one core. Blocks of triangles are sheared and tested side
 //! by side, written so that the compiler can use SIMD; whatever that does not certainly reject goes
@@ -8,12 +8,12 @@
 //! [`TriangleRay::hit`]: crate::geometry::TriangleRay::hit
 
 use crate::bounds::Interval;
-use crate::geometry::{Hit, TriangleRay};
+use crate::geometry::{Hit, Meeting, TriangleRay};
 use crate::math::Ray;
 use crate::scene::Scene;
 use crate::simd::Scalar;
 use crate::trace::prepared::Prepared;
-use crate::trace::structure::Structure;
+use crate::trace::structure::{Geometry, Structure};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 
@@ -23,8 +23,15 @@ const LANES: usize = 16;
 /// A scene without its trees.
 pub struct BruteForce<'a> {
     scene: &'a Scene,
-    /// By address of a level: its triangles, straight from its meshes.
-    levels: BTreeMap<usize, Vec<Block>>,
+    /// By address of a level: its primitives, straight from its geometries.
+    levels: BTreeMap<usize, Content>,
+}
+
+/// What is on a level.
+struct Content {
+    triangles: Vec<Block>,
+    /// `(geom, prim)` of what is no triangle.
+    others: Vec<(u32, u32)>,
 }
 
 /// Some triangles of one level, side by side.
@@ -45,7 +52,7 @@ impl<'a> BruteForce<'a> {
     /// Gathers every triangle without defect of every level. Copies them: 44 bytes each.
     pub fn new(scene: &'a Scene) -> Self {
         let levels = scene.levels();
-        let levels = levels.iter().map(|level| (address(level), blocks(level))).collect();
+        let levels = levels.iter().map(|level| (address(level), Content::new(level))).collect();
         Self { scene, levels }
     }
 
@@ -62,9 +69,9 @@ impl<'a> BruteForce<'a> {
             if open.len() > waiting {
                 continue;
             }
-            let own = self.levels[&address(level)].iter().map(|block| block.names.len() as u64);
+            let own = self.levels[&address(level)].len();
             let inside = inner.map(|inner| costs[&address(inner)]);
-            let cost = own.chain(inside).fold(0_u64, u64::saturating_add);
+            let cost = inside.fold(own, u64::saturating_add);
             costs.insert(address(level), cost);
             open.pop();
         }
@@ -106,7 +113,16 @@ impl<'a> BruteForce<'a> {
         hits: &mut Vec<Hit>,
     ) {
         let range = Interval { entry: ray.t_min, exit: ray.t_max };
-        for block in &self.levels[&address(level)] {
+        for &(geom, prim) in &self.levels[&address(level)].others {
+            let Geometry { shape, mask } = &level.geometries[geom as usize];
+            if mask & ray.mask == 0 {
+                continue;
+            }
+            if let Some(Meeting { t, u, v }) = shape.meet(prim as usize, &prepared.local(ray)) {
+                hits.push(Hit { t, u, v, prim, geom, inst });
+            }
+        }
+        for block in &self.levels[&address(level)].triangles {
             let undecided = block.undecided(&prepared.triangle);
             for (lane, &(geom, prim)) in block.names.iter().enumerate() {
                 if !undecided[lane] || level.geometries[geom as usize].mask & ray.mask == 0 {
@@ -134,18 +150,28 @@ struct Named {
     name: (u32, u32),
 }
 
-fn blocks(level: &Structure) -> Vec<Block> {
-    let mut triangles = Vec::new();
-    for (geometry, geom) in level.geometries.iter().zip(0..) {
-        let mesh = &geometry.mesh;
-        for prim in 0..mesh.triangles().len() {
-            if mesh.defect(prim).is_none() {
+impl Content {
+    fn new(level: &Structure) -> Self {
+        let (mut triangles, mut others) = (Vec::new(), Vec::new());
+        for (Geometry { shape, .. }, geom) in level.geometries.iter().zip(0..) {
+            for prim in (0..shape.len()).filter(|&prim| shape.defect(prim).is_none()) {
                 let name = (geom, prim as u32);
-                triangles.extend(mesh.corners(prim).map(|corners| Named { corners, name }));
+                match shape.mesh() {
+                    Some(mesh) => {
+                        triangles.extend(mesh.corners(prim).map(|corners| Named { corners, name }));
+                    }
+                    None => others.push(name),
+                }
             }
         }
+        Self { triangles: triangles.chunks(LANES).map(Block::new).collect(), others }
     }
-    triangles.chunks(LANES).map(Block::new).collect()
+
+    /// Tests that a ray costs.
+    fn len(&self) -> u64 {
+        let triangles: usize = self.triangles.iter().map(|block| block.names.len()).sum();
+        (triangles + self.others.len()) as u64
+    }
 }
 
 impl Block {

@@ -3,7 +3,7 @@
 //! Cost: O(blocks of instances + meshes), and what changed: one reverse sweep of the tree where vertices
 //! moved, a copy of it and the way up from a few instances, or a build.
 
-use super::fetch::{Moved, bounds_of};
+use super::fetch::{Moved, bounds_of, has_defects};
 use super::ledger::{Ledger, Next};
 use super::mend::{Mended, appraise, sweep, touched};
 use super::{Action, Commit, Edit, Parts, Policy, Reason, WORTH_KEEPING};
@@ -54,7 +54,7 @@ impl Edit {
         let done = |scene, action, reason, decay, parts| {
             Ok(Commit { scene, action, reason, decay, parts, time: watch.elapsed() })
         };
-        if self.meshes.is_empty() && self.instances.is_empty() {
+        if self.geometries.is_empty() && self.instances.is_empty() {
             return done(self.before, Action::Kept, Reason::Unchanged, 1.0, Parts::default());
         }
         let mut ledger = self.ledger();
@@ -198,18 +198,14 @@ impl Edit {
             (None, before) => before.map(Placed::again),
         };
         let instances = (0..self.counts[1]).filter_map(placed).collect();
-        let meshes = self.geometries().into_iter().map(|it| (it.mesh, it.mask)).collect();
-        SceneBuilder { meshes, instances }
+        SceneBuilder { geometries: self.geometries(), instances }
     }
 
-    /// The meshes as they are to be.
+    /// Meshes and other shapes as they are to be.
     fn geometries(&self) -> Vec<Geometry> {
         let before = &self.before.structure.geometries;
-        let mesh = |geom: usize| match (self.meshes.get(&geom), before.get(geom)) {
-            (Some((mesh, mask)), _) => Some(Geometry { mesh: mesh.clone(), mask: *mask }),
-            (None, before) => before.cloned(),
-        };
-        (0..self.counts[0]).filter_map(mesh).collect()
+        let geometry = |geom: usize| self.geometries.get(&geom).or(before.get(geom)).cloned();
+        (0..self.counts[0]).filter_map(geometry).collect()
     }
 
     /// The instances as they are to be: blocks without a change stay.
@@ -228,7 +224,7 @@ impl Edit {
         blocks.map(part).collect()
     }
 
-    /// Whether the vertices of a mesh are elsewhere, or it has other triangles; or why the tree
+    /// Whether primitives are elsewhere; or why the tree
     /// cannot stay.
     fn reshaped(&self) -> Result<bool, Reason> {
         let before = &self.before.structure;
@@ -236,14 +232,22 @@ impl Edit {
             return Err(Reason::Different);
         }
         let mut reshaped = false;
-        for (&geom, (mesh, _)) in &self.meshes {
-            let old = &before.geometries[geom].mesh;
-            if old.triangles().len() != mesh.triangles().len() {
+        for (&geom, Geometry { shape, .. }) in &self.geometries {
+            let old = &before.geometries[geom].shape;
+            if old.kind() != shape.kind() || old.len() != shape.len() {
                 return Err(Reason::Different);
             }
-            reshaped |= !old.is_same(mesh);
+            if old.is_same(shape) {
+                continue;
+            }
+            reshaped = true;
+            // Triangles are looked at where they are fetched.
+            if shape.mesh().is_none() && has_defects(shape) {
+                return Err(Reason::Unfit);
+            }
         }
-        if reshaped && self.before.report.skipped.triangles > 0 {
+        let skipped = &self.before.report.skipped;
+        if reshaped && skipped.triangles + skipped.others > 0 {
             return Err(Reason::Unfit);
         }
         Ok(reshaped)
@@ -273,7 +277,7 @@ impl Edit {
         };
 
         // Mend the boxes: all of them, or those that few instances are in.
-        let instance = |at: usize| placements.instances.at(at).bounds();
+        let single = |number: usize| single(&geometries, &placements.instances, before, number);
         let known = self.before.upkeep.standing.clone();
         let standing = known.unwrap_or_else(|| standing(&self.before));
         let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
@@ -283,7 +287,7 @@ impl Edit {
                 &before.layout,
                 (before.bounds, standing.areas, &standing.triangles),
                 moved,
-                instance,
+                single,
             )?
         } else {
             None
@@ -293,7 +297,7 @@ impl Edit {
         } else {
             let moved = Moved { geometries: &geometries, before };
             let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
-            let content = Content { triangles: &fetch, instance: &instance };
+            let content = Content { triangles: &fetch, instance: &single };
             sweep(&before.layout, &content, &options.context.cancel)?
         };
         let Some(mended) = mended else { return Ok(Err(Reason::Unfit)) };
@@ -305,13 +309,30 @@ impl Edit {
     }
 }
 
+/// The box of an instance or, numbered after them, of a primitive that is no triangle.
+fn single(
+    geometries: &[Geometry],
+    instances: &Instances,
+    before: &Structure,
+    number: usize,
+) -> Aabb {
+    match number.checked_sub(instances.len()) {
+        None => instances.at(number).bounds(),
+        Some(id) => {
+            let (geom, prim) = before.name(id as u32);
+            geometries[geom as usize].shape.bounds(prim as usize)
+        }
+    }
+}
+
 /// What a tree is worth that is as it was built.
 fn standing(scene: &Scene) -> Standing {
     let structure = &*scene.structure;
     let moved = Moved { geometries: &structure.geometries, before: structure };
     let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
-    let instance = |at: usize| structure.instances.at(at).bounds();
-    let content = Content { triangles: &fetch, instance: &instance };
+    let single =
+        |number: usize| single(&structure.geometries, &structure.instances, structure, number);
+    let content = Content { triangles: &fetch, instance: &single };
     appraise(&structure.layout, &content)
 }
 

@@ -2,12 +2,12 @@
 
 use crate::bounds::Aabb;
 use crate::context::parallel;
-use crate::geometry::Mesh;
 use crate::geometry::mesh::COORDINATE_MAX;
+use crate::geometry::{Mesh, Shape};
 use crate::layout::lower::Packed;
 use crate::trace::structure::{Geometry, Structure};
 
-/// Triangles whose box is found by one task.
+/// Primitives whose box is found by one task.
 const CHUNK: usize = 16_384;
 
 /// Where triangles are now.
@@ -21,13 +21,13 @@ impl Moved<'_> {
     /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
     /// Whether all triangles are fit for a scene.
     pub(super) fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
-        if let [Geometry { mesh, .. }] = self.geometries {
+        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
             return fetch_of(mesh, ids, packed);
         }
         let mut fit = true;
         for (&id, packed) in ids.iter().zip(packed) {
             let (geom, prim) = self.before.name(id);
-            let mesh = &self.geometries[geom as usize].mesh;
+            let Shape::Mesh(mesh) = &self.geometries[geom as usize].shape else { return false };
             fit &= mesh.defect(prim as usize).is_none();
             *packed = Packed { corners: mesh.corners(prim as usize).unwrap_or_default(), id };
         }
@@ -53,17 +53,24 @@ fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
     fit
 }
 
-/// Around all triangles that are fit for a scene.
+/// Whether a primitive is not fit for a scene.
+pub(super) fn has_defects(shape: &Shape) -> bool {
+    let chunks = (0..shape.len()).step_by(CHUNK).collect();
+    let found = parallel::map(chunks, |first: usize| {
+        (first..shape.len().min(first + CHUNK)).any(|prim| shape.defect(prim).is_some())
+    });
+    found.contains(&true)
+}
+
+/// Around all primitives that are fit for a scene.
 pub(super) fn bounds_of(geometries: &[Geometry]) -> Aabb {
-    let of_chunk = |mesh: &Mesh, first: usize, count: usize| {
-        let sound = (first..first + count).filter(|&prim| mesh.defect(prim).is_none());
-        let corners = sound.filter_map(|prim| mesh.corners(prim));
-        corners.fold(Aabb::EMPTY, |all, corners| all.union(&Aabb::of_points(&corners)))
-    };
     let mut all = Aabb::EMPTY;
-    for Geometry { mesh, .. } in geometries {
-        let chunks = parallel::map_chunks(mesh.triangles(), CHUNK, |first, triangles| {
-            of_chunk(mesh, first, triangles.len())
+    for Geometry { shape, .. } in geometries {
+        let chunks = (0..shape.len()).step_by(CHUNK).collect();
+        let chunks = parallel::map(chunks, |first: usize| {
+            let chunk = first..shape.len().min(first + CHUNK);
+            let sound = chunk.filter(|&prim| shape.defect(prim).is_none());
+            sound.fold(Aabb::EMPTY, |all, prim| all.union(&shape.bounds(prim)))
         });
         all = chunks.iter().fold(all, |all, chunk| all.union(chunk));
     }
