@@ -8,6 +8,7 @@
 //! made before the clock starts; resetting rays is timed; builds are timed from the arrays to
 //! ready-to-trace; bytes count the caller's arrays where an engine keeps them.
 
+pub mod animate;
 pub mod check;
 pub mod crew;
 pub mod engine;

@@ -14,6 +14,7 @@ use treelet_bench::run::Plan;
 
 use super::figure::FigureFlags;
 use super::page::PageFlags;
+use super::twist::TwistFlags;
 use crate::input::SceneFlags;
 use crate::session::Session;
 
@@ -77,6 +78,9 @@ pub(crate) struct Flags {
 
     #[command(flatten)]
     pub(super) figure: FigureFlags,
+
+    #[command(flatten)]
+    pub(super) twist: TwistFlags,
 
     /// Do not measure the most memory that each build takes, which needs a process of its own.
     #[arg(long)]

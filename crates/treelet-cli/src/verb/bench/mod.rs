@@ -7,6 +7,7 @@ mod pages;
 mod peaks;
 mod steps;
 mod subject;
+mod twist;
 
 pub(crate) use flags::Flags;
 
@@ -37,6 +38,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         pages::allow()?;
     } else {
         pages::forbid();
+    }
+    if let Some(frames) = flags.twist.twist {
+        return twist::run(&flags, frames, session);
     }
     if flags.figure.figure {
         return figure::run(&flags, session);
