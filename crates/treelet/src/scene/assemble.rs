@@ -4,6 +4,7 @@ use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
 use super::gather::{Names, Prims, add_triangles, first_ids, other_boxes};
 use super::improve;
+use super::open;
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
@@ -17,9 +18,8 @@ use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
-use crate::trace::placements::Instance;
 use crate::trace::structure::{Geometry, Layout, Structure};
-use crate::tree::{Kind, Tree};
+use crate::tree::{Kind, PRIMS_MAX, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -69,25 +69,40 @@ impl Gathered {
         let others = other_boxes(&geometries, &first_ids, options, &mut report)?;
         let meshes = geometries.iter().enumerate();
         let meshes = meshes.filter_map(|(geom, geometry)| Some((geom, geometry.mesh()?)));
-        let triangles = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
-        let mut prims = Prims::with_room(triangles, instances.len() + others.len())?;
+        let triangles: usize = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
+        let budget = open::budget(instances.len(), options);
+        let singles = instances.len() + others.len();
+        let room = triangles.saturating_add(singles);
+        let budget = budget.min(PRIMS_MAX.saturating_sub(room));
+        let mut prims = Prims::with_room(triangles, singles + budget)?;
         for (geom, mesh) in meshes {
             add_triangles(geom, mesh, options, &mut prims, &mut report)?;
         }
         let around = others.iter().fold(prims.around, |all, (_, bounds)| all.union(bounds));
         prims.around = around;
-        let placements = place_instances(parts(instances), around, options, &mut report)?;
+        let mut placements = place_instances(parts(instances), around, options, &mut report)?;
+        let opened = open::parts(&placements.instances, budget);
+        placements.instances = mem::take(&mut placements.instances).opened(&opened);
+        let mut opened = opened.iter().map(|(part, _)| part.instance).peekable();
         let placed = placements
             .instances
             .iter()
             .zip(0..)
             .filter(|(instance, _)| !instance.bounds().is_empty());
         for (instance, index) in placed {
-            prims.add_single(index, instance.bounds());
+            report.instances += 1;
+            if opened.peek() != Some(&index) {
+                prims.add_single(index, instance.bounds());
+                continue;
+            }
+            report.opened_instances += 1;
+            while opened.next_if_eq(&index).is_some() {}
         }
-        report.instances = prims.singles.len() as u64;
-        // Leaves call them by their ids, after all instances.
-        let after = placements.instances.len() as u64;
+        for number in placements.instances.len()..placements.instances.entries() {
+            prims.add_single(number as u32, placements.instances.bounds(number));
+        }
+        // Leaves call them by their ids, after all instances and parts of them.
+        let after = placements.instances.entries() as u64;
         for (id, bounds) in others {
             let number = after + u64::from(id);
             let number =
@@ -336,6 +351,6 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let bytes = level.layout.bytes() + size_of::<Instance>() * level.instances.len();
+    let bytes = level.layout.bytes() + level.instances.bytes();
     bytes as u64
 }

@@ -78,6 +78,9 @@ pub struct BuildOptions<'a> {
     /// The packed form of the tree; by default what is best for `level`. A scene and those placed
     /// into it must agree.
     pub layout: Option<LayoutChoice>,
+    /// Whether large instances may be opened: the tree then holds several boxes in place of one that is mostly
+    /// empty, at most twice as many as there are instances in all. Answers do not change. Quick builds never do it.
+    pub open_instances: bool,
     /// Some of the rays to come: for [`Quality::Rays`] and [`Quality::Auto`], which otherwise make their own.
     pub pilot: Pilot<'a>,
     /// Cancels and watches the build.
@@ -100,6 +103,7 @@ impl Default for BuildOptions<'_> {
             invalid: Invalid::default(),
             level: Level::best(),
             layout: None,
+            open_instances: true,
             pilot: Pilot::default(),
             context: Context::default(),
         }

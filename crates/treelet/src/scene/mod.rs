@@ -7,6 +7,7 @@ mod edit;
 mod error;
 mod gather;
 mod improve;
+mod open;
 mod place;
 mod quality;
 mod recipe;

@@ -7,7 +7,7 @@ use crate::geometry::shape::Local;
 use crate::geometry::{Meeting, Mesh, Shape};
 use crate::layout::compact::Compact;
 use crate::layout::packing::Packing;
-use crate::layout::wide::{Plain, Wide};
+use crate::layout::wide::{Child, Plain, Wide};
 use crate::simd::Checked;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -43,6 +43,24 @@ impl Layout {
     /// Whether a walk can go from one to the other.
     pub(crate) fn is_as(&self, other: &Self) -> bool {
         core::mem::discriminant(self) == core::mem::discriminant(other)
+    }
+
+    /// Where a walk begins.
+    pub(crate) fn root(&self) -> Child {
+        match self {
+            Self::Wide8(wide) => wide.root,
+            Self::Wide16(wide) => wide.root,
+            Self::Compact(wide) => wide.root,
+        }
+    }
+
+    /// The children of a node and their boxes; none of a leaf.
+    pub(crate) fn below(&self, child: Child) -> Vec<(Child, Aabb)> {
+        match self {
+            Self::Wide8(wide) => wide.below(child),
+            Self::Wide16(wide) => wide.below(child),
+            Self::Compact(wide) => wide.below(child),
+        }
     }
 
     /// Bytes that walks read.

@@ -144,7 +144,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             } else if let at = first - frame.wide.triangles
-                && let Some(id) = at.checked_sub(frame.structure.instances.len())
+                && let Some(id) = at.checked_sub(frame.structure.instances.entries())
             {
                 counters.leaf(1);
                 if let Some(found) = other(&frame, id as u32, ray)
@@ -162,9 +162,10 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                     t_max: visitor.t_max(),
                     counters: &mut *counters,
                 };
-                if simd.call(leaf) {
+                let start = simd.call(leaf);
+                if start != Child::NONE {
                     stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                    next = frame.wide.root;
+                    next = start;
                     break;
                 }
             }

@@ -75,7 +75,7 @@ pub(super) fn run(flags: &Flags, frames: u64, session: &Session) -> Result<Outco
 }
 
 /// A wrong answer is a failed check; anything else an error.
-fn failure(error: AnimateError) -> Failure {
+pub(super) fn failure(error: AnimateError) -> Failure {
     match error {
         AnimateError::Cancelled => Failure::Cancelled,
         error => Failure::told(error.to_string()),
