@@ -30,6 +30,8 @@ pub struct PlacedModel {
 pub struct Updated {
     /// Objects whose trees followed their shape.
     pub refitted: u64,
+    /// Objects whose trees followed, and were repaired where they had decayed.
+    pub repaired: u64,
     /// Objects that have new trees.
     pub rebuilt: u64,
     /// What became of the tree over the placements; `None` where there is none.
@@ -127,6 +129,7 @@ impl PlacedModel {
             match bent.action {
                 Action::Kept => {}
                 Action::Refitted => updated.refitted += 1,
+                Action::Repaired => updated.repaired += 1,
                 Action::Rebuilt => updated.rebuilt += 1,
             }
             objects[object] = Some(bent.scene);

@@ -249,17 +249,27 @@ fn a_commit_says_what_it_did_and_why() {
     assert_eq!(done(&refitted), (Action::Refitted, Reason::Same));
     assert!((refitted.decay - 1.0).abs() < 1e-9, "{}", refitted.decay);
 
-    // Vertices that change places with distant ones: boxes overlap everywhere.
-    let mut shuffled = shape.positions.clone();
+    // Triangles that change places with distant ones: boxes overlap everywhere, and nothing can stay in its subtree.
+    let apart = awkward::random_triangles(3000, 3.0, 0.05);
+    let mut order: Vec<usize> = (0..apart.triangles.len()).collect();
     let mut random = Random::new(SEED);
-    for at in (1..shuffled.len()).rev() {
-        shuffled.swap(at, random.below(at as u64 + 1) as usize);
+    for at in (1..order.len()).rev() {
+        order.swap(at, random.below(at as u64 + 1) as usize);
     }
-    assert_eq!(
-        done(&commit(Some(shuffled.clone()), Policy::Auto)),
-        (Action::Rebuilt, Reason::Decayed)
-    );
-    let kept = commit(Some(shuffled), Policy::Refit);
+    let corners = |prim: &usize| apart.triangles[*prim].map(|at| apart.positions[at as usize]);
+    let shuffled: Vec<_> = order.iter().flat_map(corners).collect();
+    let prims: Vec<_> =
+        (0..order.len() as u32).map(|prim| [0, 1, 2].map(|i| 3 * prim + i)).collect();
+    let still: Vec<_> = (0..order.len()).flat_map(|prim| corners(&prim)).collect();
+    let apart = Scene::builder().mesh(Mesh::new(still, prims)).build(&options).unwrap();
+    let shuffle = |policy: Policy| {
+        let mut edit = apart.edit();
+        edit.policy = policy;
+        edit.set_positions(0, shuffled.clone()).unwrap();
+        edit.commit(&options).unwrap()
+    };
+    assert_eq!(done(&shuffle(Policy::Auto)), (Action::Rebuilt, Reason::Decayed));
+    let kept = shuffle(Policy::Refit);
     assert_eq!(done(&kept), (Action::Refitted, Reason::Same));
     assert!(kept.decay > 2.0, "{}", kept.decay);
 

@@ -103,6 +103,9 @@ impl Moving {
     /// Where the vertices are after so much of the clip: it twists in the first half of 0 ..= 1, and bursts in the
     /// second.
     pub fn at(&self, share: f32) -> Vec<[f32; 3]> {
+        if share <= 0.0 {
+            return self.rest.positions.to_vec();
+        }
         let twist = TWIST * (2.0 * share).min(1.0);
         let burst = (2.0 * share - 1.0).max(0.0);
         let turns: Vec<_> =

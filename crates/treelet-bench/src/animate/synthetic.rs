@@ -38,6 +38,7 @@ pub fn word(action: Action) -> &'static str {
     match action {
         Action::Kept => "kept",
         Action::Refitted => "refitted",
+        Action::Repaired => "repaired",
         Action::Rebuilt => "rebuilt",
     }
 }

@@ -7,6 +7,7 @@ pub(crate) mod lower;
 mod order;
 pub(crate) mod packing;
 pub(crate) mod refit;
+pub(crate) mod repair;
 mod select;
 pub mod wide;
 mod write;

@@ -131,7 +131,8 @@ impl Gathered {
         let structure = finish(content, prims, &tree, plan.collapse, options, again)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
-        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
+        let (structure, report) = (Arc::new(structure), Arc::new(report));
+        Ok(Scene { structure, report, auto: None, upkeep: Arc::default() })
     }
 
     /// The plan's tree, and what is to be said of it.
@@ -282,7 +283,6 @@ impl Level {
             slack,
             paths,
             around_meshes: self.around_meshes,
-            price: None,
         }
     }
 }

@@ -13,10 +13,11 @@ mod quality;
 mod recipe;
 mod report;
 mod slices;
+mod upkeep;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use choice::{Candidate, Choice, Pilot};
-pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Policy, Reason};
+pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Parts, Policy, Reason};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use quality::{Plan, Quality};
 pub use recipe::{Recipe, RecipeError};
@@ -56,6 +57,8 @@ pub struct Scene {
     report: Arc<BuildReport>,
     /// What a scene of [`Quality::Auto`] remembers.
     auto: Option<Arc<improve::Auto>>,
+    /// What keeping it up goes by.
+    upkeep: Arc<upkeep::Upkeep>,
 }
 
 impl Scene {

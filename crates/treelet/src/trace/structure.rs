@@ -82,15 +82,6 @@ impl Layout {
     }
 }
 
-/// What a tree costs.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Price {
-    /// What a line that meets the root pays, when the tree was built.
-    pub(crate) built: f64,
-    /// The half areas of all children now.
-    pub(crate) areas: f64,
-}
-
 /// A mesh of a level, or primitives of another kind.
 #[derive(Clone, Debug)]
 pub(crate) struct Geometry {
@@ -137,8 +128,6 @@ pub(crate) struct Structure {
     pub(crate) paths: u64,
     /// Around the meshes.
     pub(crate) around_meshes: Aabb,
-    /// What the tree costs; where nobody has asked yet, it is as it was built.
-    pub(crate) price: Option<Price>,
 }
 
 impl Structure {

@@ -54,6 +54,8 @@ pub(super) fn run(flags: &Flags, frames: u64, session: &Session) -> Result<Outco
         ("fresh".to_owned(), Wish::Fresh),
         edits("refit", Policy::Refit),
         edits("auto", Policy::Auto),
+        edits("rays", Policy::Rays(motion.rays as u64)),
+        edits("repair", Policy::Repair),
     ];
     let crew = Crew::new(session.threads, plan.clock).map_err(|error| Failure::told(error.to_string()))?;
     let watcher = Steps::new(session.cancel.clone());
