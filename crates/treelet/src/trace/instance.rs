@@ -1,4 +1,8 @@
 //! What happens where a leaf holds an instance.
+//!
+//! What was tried here, on a courtyard of 49,847 instances, 1.5 to 5 of them entered by a ray: to ask for the record of the
+//! instance that waits on top of the stack, and for the lines of the node inside before the ray is transformed. Neither is
+//! worth 3 %, but for random rays without opened instances (6 % for the record).
 
 use super::counters::Count;
 use super::structure::{Get, Layout};
