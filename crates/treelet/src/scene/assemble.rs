@@ -4,6 +4,7 @@ use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
 use super::gather::{Names, Prims, add_triangles};
 use super::improve;
+use super::moving::{self, Moving};
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
@@ -18,6 +19,7 @@ use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
+use crate::trace::moving::MovingMesh;
 use crate::trace::placements::Instance;
 use crate::trace::structure::{Geometry, Layout, Structure};
 use crate::tree::{Kind, Tree};
@@ -51,6 +53,7 @@ pub(super) fn assemble(
 pub(super) struct Gathered {
     meshes: Vec<(Mesh, u32)>,
     placements: Placements,
+    moving: Vec<Moving>,
     prims: Prims,
     report: BuildReport,
     clock: Stopwatch,
@@ -64,11 +67,25 @@ impl Gathered {
     ) -> Result<Self, SceneError> {
         let clock = Stopwatch::start();
         let mut report = BuildReport::default();
-        let room = description.meshes.iter().map(|(mesh, _)| mesh.triangles().len()).sum();
-        let mut prims = Prims::with_room(room, description.instances.len())?;
+        let standing = |mesh: &Mesh| if mesh.is_moving() { 0 } else { mesh.triangles().len() };
+        let room = description.meshes.iter().map(|(mesh, _)| standing(mesh)).sum();
+        let others = description.meshes.iter().filter(|(mesh, _)| mesh.is_moving()).count();
+        let mut prims = Prims::with_room(room, description.instances.len() + others)?;
+        let mut moving = Vec::with_capacity(others);
         for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
-            add_triangles(geom, mesh, options, &mut prims, &mut report)?;
+            if let Some((step, vertices)) = mesh.uneven_step() {
+                let first = mesh.positions().len();
+                return Err(SceneError::Steps { geom, step, vertices, first });
+            }
+            if mesh.is_moving() {
+                let mesh = moving::gather(geom, mesh, options, &mut report)?;
+                prims.meshes = prims.meshes.union(&mesh.bounds);
+                moving.push(mesh);
+            } else {
+                add_triangles(geom, mesh, options, &mut prims, &mut report)?;
+            }
         }
+        moving.retain(|mesh| !mesh.bounds.is_empty());
         let meshes = prims.meshes;
         let placements =
             place_instances(parts(description.instances), meshes, options, &mut report)?;
@@ -80,9 +97,13 @@ impl Gathered {
         for (instance, index) in placed {
             prims.add_instance(index, instance.bounds());
         }
-        report.triangles = prims.triangles as u64;
+        report.triangles += prims.triangles as u64;
         report.instances = prims.instances.len() as u64;
-        Ok(Self { meshes: description.meshes, placements, prims, report, clock })
+        // What moves is numbered after the instances, and like them a leaf each.
+        for (mesh, number) in moving.iter().zip(placements.instances.len()..) {
+            prims.add_instance(number as u32, mesh.bounds);
+        }
+        Ok(Self { meshes: description.meshes, placements, moving, prims, report, clock })
     }
 
     /// What leaves will hold: triangles and instances.
@@ -104,7 +125,7 @@ impl Gathered {
         again: bool,
     ) -> Result<Scene, SceneError> {
         let (mut tree, mut report) = self.tree(plan, options)?;
-        let Self { meshes, placements, prims, clock, .. } = self;
+        let Self { meshes, placements, moving, prims, clock, .. } = self;
         if report.tree.leaf_max as usize > LEAF_MAX || !prims.instances.is_empty() {
             tree = split_leaves(tree, prims.bounds(), prims.triangles);
         }
@@ -114,7 +135,9 @@ impl Gathered {
             (mem::take(meshes), mem::take(&mut placements.instances))
         };
         let placements = Placements { instances, ..*placements };
-        let structure = finish(meshes, placements, prims, &tree, plan.collapse, options, again)?;
+        let mut structure =
+            finish(meshes, placements, prims, &tree, plan.collapse, options, again)?;
+        moving::build(&mut structure, moving, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
@@ -231,6 +254,8 @@ impl Level {
             unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
             geometries,
             first_ids,
+            moves: instances.blocks.iter().any(|block| block.moves),
+            moving: Vec::new(),
             instances,
             layout,
             bounds,
@@ -321,6 +346,7 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let bytes = level.layout.bytes() + size_of::<Instance>() * level.instances.len();
-    bytes as u64
+    let instances = size_of::<Instance>() * level.instances.len();
+    let moving = level.moving.iter().map(MovingMesh::bytes).sum::<usize>();
+    (level.layout.bytes() + instances + moving) as u64
 }

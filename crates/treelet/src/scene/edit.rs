@@ -62,6 +62,8 @@ pub enum Reason {
     Different,
     /// A triangle is not fit for a scene, or one that was not was left out.
     Unfit,
+    /// A mesh moves with time, before or after: its boxes are not refitted.
+    Moving,
     /// The boxes had grown too much.
     Decayed,
 }
@@ -74,6 +76,7 @@ impl core::fmt::Display for Reason {
             Self::Same => "the same triangles and instances, in boxes that are still good",
             Self::Different => "other triangles or instances than before",
             Self::Unfit => "triangles that are, or were, not fit for a scene",
+            Self::Moving => "a mesh that moves with time",
             Self::Decayed => "the boxes had grown too much",
         })
     }
@@ -212,7 +215,7 @@ impl Edit {
         geom
     }
 
-    /// Moves an instance.
+    /// Moves an instance, which is there at all times then.
     ///
     /// # Errors
     ///
@@ -222,7 +225,9 @@ impl Edit {
         instance: usize,
         world_from_object: Affine,
     ) -> Result<(), EditError> {
-        self.instance(instance)?.world_from_object = world_from_object;
+        let placed = self.instance(instance)?;
+        placed.world_from_object = world_from_object;
+        placed.steps = None;
         Ok(())
     }
 
@@ -263,7 +268,7 @@ impl Edit {
         let instance = self.counts[1];
         self.counts[1] += 1;
         let structure = Arc::clone(&scene.structure);
-        let placed = Placed { structure, world_from_object, mask: u32::MAX };
+        let placed = Placed { structure, world_from_object, mask: u32::MAX, steps: None };
         self.instances.insert(instance, placed);
         instance
     }

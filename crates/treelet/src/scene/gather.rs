@@ -276,11 +276,11 @@ fn are_near([a, b, c]: &[F4; 3]) -> bool {
 }
 
 #[cold]
-fn skip(skipped: &mut Skipped, (geom, prim): (usize, usize), defect: Defect) {
+pub(super) fn skip(skipped: &mut Skipped, (geom, prim): (usize, usize), defect: Defect) {
     skipped.triangles += 1;
     match defect {
         Defect::IndexOutOfRange { .. } => skipped.index_out_of_range += 1,
-        Defect::BadVertex { .. } => skipped.bad_vertex += 1,
+        Defect::BadVertex { .. } | Defect::BadVertexAt { .. } => skipped.bad_vertex += 1,
     }
     skipped.first_triangle = skipped.first_triangle.or(Some((geom, prim, defect)));
 }

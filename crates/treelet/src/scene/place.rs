@@ -2,12 +2,13 @@
 
 use super::builder::{BuildOptions, Invalid, Placed};
 use super::report::BuildReport;
-use super::{InstanceDefect, SceneError};
+use super::{InstanceDefect, SceneError, travel};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::math::{Affine, affine};
 use crate::memory;
+use crate::trace::motion::Motion;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
 use crate::trace::slack::{Near, Slack};
 use alloc::sync::Arc;
@@ -19,7 +20,7 @@ const FIDELITY: f64 = 1.0 / 1024.0;
 
 /// Maps may lengthen and shorten by this much: a ray of any common length then stays, seen from
 /// inside, within the lengths at which rays are answered (`Ray::is_valid`).
-const SCALE_MAX: f64 = (1_u128 << 80) as f64;
+pub(super) const SCALE_MAX: f64 = (1_u128 << 80) as f64;
 
 /// The instances of a level, and what follows from where they are.
 pub(super) struct Placements {
@@ -53,9 +54,10 @@ pub(super) fn parts(placed: impl IntoIterator<Item = Placed>) -> Vec<Part> {
 impl Placed {
     /// An instance as the caller gave it.
     pub(super) fn again(instance: &Instance) -> Self {
-        let Instance { structure, world_from_object, mask, .. } = instance;
+        let Instance { structure, world_from_object, mask, motion, .. } = instance;
         let (world_from_object, mask) = (*world_from_object, *mask);
-        Self { structure: Arc::clone(structure), world_from_object, mask }
+        let steps = motion.as_ref().map(|motion| motion.path.maps().into());
+        Self { structure: Arc::clone(structure), world_from_object, mask, steps }
     }
 }
 
@@ -134,27 +136,43 @@ impl Located {
             far_share: 0.0,
             paths: 0,
             repeats: false,
+            moves: false,
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
         for (at, placed) in placed.into_iter().enumerate() {
-            let place = locate(&placed).unwrap_or_else(|defect| {
+            let located = match &placed.steps {
+                None => locate(&placed),
+                Some(steps) => travel::locate(&placed.structure, steps),
+            };
+            let place = located.unwrap_or_else(|defect| {
                 defects.push((at, defect));
                 Place::NOWHERE
             });
-            let Placed { structure, world_from_object, mask } = placed;
-            let Place { object_from_world, bounds, reach } = place;
+            let Placed { structure, world_from_object, mask, .. } = placed;
+            let Place { object_from_world, bounds, reach, motion } = place;
             if !bounds.is_empty() {
-                let limit = Near::limit(&structure.slack, &object_from_world);
+                let limit = match &motion {
+                    None => Near::limit(&structure.slack, &object_from_world),
+                    Some(motion) => travel::limit(&structure.slack, motion),
+                };
                 block.limit = block.limit.min(limit);
             }
             block.reach = block.reach.union(&reach);
             block.paths = block.paths.saturating_add(structure.paths);
             block.repeats |= structure.repeats;
+            block.moves |= structure.moves | motion.is_some();
             let columns = Instance::columns(&object_from_world);
             let (corners, rank) = (Instance::corners(&bounds), 0);
-            let placed = Instance { columns, corners, structure, rank, mask, world_from_object };
-            block.items.push(placed);
+            block.items.push(Instance {
+                columns,
+                corners,
+                structure,
+                rank,
+                mask,
+                motion,
+                world_from_object,
+            });
         }
         Self::New { block, defects }
     }
@@ -187,12 +205,16 @@ impl Located {
             if bounds.is_empty() {
                 continue;
             }
-            let map = &instance.object_from_world();
-            // Not singular, or it would be nowhere.
-            let exact = map.inverse_f64().unwrap_or_default();
-            let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
+            let (bounds, far_share) = if instance.motion.is_some() {
+                travel::widen(instance, near)
+            } else {
+                let map = &instance.object_from_world();
+                // Not singular, or it would be nowhere.
+                let exact = map.inverse_f64().unwrap_or_default();
+                let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
+                (bounds.widened(by), far_share)
+            };
             block.far_share = block.far_share.max(far_share);
-            let bounds = bounds.widened(by);
             instance.set_bounds(&bounds);
             if !is_near(&bounds) {
                 let Aabb { lo, hi } = bounds;
@@ -225,15 +247,21 @@ fn report_defects(
 }
 
 /// Where an instance is.
-struct Place {
-    object_from_world: Affine,
-    bounds: Aabb,
-    reach: Aabb,
+pub(super) struct Place {
+    pub(super) object_from_world: Affine,
+    pub(super) bounds: Aabb,
+    pub(super) reach: Aabb,
+    /// How it moves; the bounds are not widened yet.
+    pub(super) motion: Option<Arc<Motion>>,
 }
 
 impl Place {
-    const NOWHERE: Self =
-        Self { object_from_world: Affine::IDENTITY, bounds: Aabb::EMPTY, reach: Aabb::EMPTY };
+    pub(super) const NOWHERE: Self = Self {
+        object_from_world: Affine::IDENTITY,
+        bounds: Aabb::EMPTY,
+        reach: Aabb::EMPTY,
+        motion: None,
+    };
 }
 
 fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
@@ -268,7 +296,7 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     };
     let reach = whole.union(&bounds);
     let Aabb { lo, hi } = reach;
-    let place = Place { object_from_world, bounds, reach };
+    let place = Place { object_from_world, bounds, reach, motion: None };
     if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
 }
 
@@ -288,6 +316,6 @@ fn largest(map: &[[f64; 4]; 3]) -> f64 {
     map.iter().flat_map(|row| &row[..3]).fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
-fn is_near(bounds: &Aabb) -> bool {
+pub(super) fn is_near(bounds: &Aabb) -> bool {
     bounds.lo.iter().chain(&bounds.hi).all(|x| x.abs() <= COORDINATE_MAX)
 }

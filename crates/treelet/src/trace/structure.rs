@@ -1,5 +1,6 @@
 //! What a walk walks: one level of a scene, with the levels that its instances lead to.
 
+use super::moving::MovingMesh;
 use super::placements::Instances;
 use super::slack::Slack;
 use crate::bounds::Aabb;
@@ -81,6 +82,10 @@ pub(crate) struct Structure {
     pub(crate) unmasked: bool,
     /// In the caller's order.
     pub(crate) instances: Instances,
+    /// The meshes that move: leaves' entries after those of the instances.
+    pub(crate) moving: Vec<MovingMesh>,
+    /// Whether anything moves, here or in an instance.
+    pub(crate) moves: bool,
     pub(crate) layout: Layout,
     /// Around everything.
     pub(crate) bounds: Aabb,

@@ -17,6 +17,7 @@
 use super::counters::Count;
 use super::descent::{Descent, pop};
 use super::instance::InstanceLeaf;
+use super::moving::{MovingLeaf, MovingMesh};
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
@@ -62,6 +63,14 @@ pub(super) struct Frame<'a, K: Packing<W>, const W: usize> {
     pub(super) ray: Prepared,
     /// Rank of the path to this level.
     pub(super) inst: u64,
+}
+
+impl<'a, K: Packing<W>, const W: usize> Frame<'a, K, W> {
+    /// The mesh that moves of an entry, counted from the first instance.
+    #[inline(always)]
+    fn moving(&self, at: usize) -> Option<&'a MovingMesh> {
+        self.structure.moving.get(at.wrapping_sub(self.structure.instances.len()))
+    }
 }
 
 /// Saved levels that need no allocation.
@@ -149,8 +158,19 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             }
+            let at = first - frame.wide.triangles;
+            if let Some(mesh) = frame.moving(at) {
+                let Frame { structure, ray: ref prepared, inst, .. } = frame;
+                let (visitor, counters) = (&mut *visitor, &mut *counters);
+                let leaf = MovingLeaf { structure, mesh, prepared, inst, ray, visitor, counters };
+                if simd.call(leaf).is_break() {
+                    return;
+                }
+                next = pop(visitor.t_max(), &mut stack, counters);
+                continue;
+            }
             let leaf = InstanceLeaf {
-                at: first - frame.wide.triangles,
+                at,
                 frame: &mut frame,
                 frames: &mut frames,
                 ray,

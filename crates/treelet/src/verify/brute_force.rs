@@ -1,5 +1,5 @@
 //! The definition of every answer: test each triangle, visit no tree, look at no box but the
-//! triangle's own and those of the instances on the way to it.
+//! triangle's own and those of the instances on the way to it, all as they are at the ray's time.
 //!
 //! Cost: about 2 ns a triangle and ray on one core. Blocks of triangles are sheared and tested side
 //! by side, written so that the compiler can use SIMD; whatever that does not certainly reject goes
@@ -24,7 +24,21 @@ const LANES: usize = 16;
 pub struct BruteForce<'a> {
     scene: &'a Scene,
     /// By address of a level: its triangles, straight from its meshes.
-    levels: BTreeMap<usize, Vec<Block>>,
+    levels: BTreeMap<usize, Triangles>,
+}
+
+/// The triangles of a level.
+struct Triangles {
+    blocks: Vec<Block>,
+    /// `(geom, prim)` of those of meshes that move.
+    moving: Vec<(u32, u32)>,
+}
+
+impl Triangles {
+    fn len(&self) -> u64 {
+        let standing = self.blocks.iter().map(|block| block.names.len() as u64).sum::<u64>();
+        standing + self.moving.len() as u64
+    }
 }
 
 /// Some triangles of one level, side by side.
@@ -45,7 +59,7 @@ impl<'a> BruteForce<'a> {
     /// Gathers every triangle without defect of every level. Copies them: 44 bytes each.
     pub fn new(scene: &'a Scene) -> Self {
         let levels = scene.levels();
-        let levels = levels.iter().map(|level| (address(level), blocks(level))).collect();
+        let levels = levels.iter().map(|level| (address(level), triangles(level))).collect();
         Self { scene, levels }
     }
 
@@ -62,9 +76,9 @@ impl<'a> BruteForce<'a> {
             if open.len() > waiting {
                 continue;
             }
-            let own = self.levels[&address(level)].iter().map(|block| block.names.len() as u64);
+            let own = self.levels[&address(level)].len();
             let inside = inner.map(|inner| costs[&address(inner)]);
-            let cost = own.chain(inside).fold(0_u64, u64::saturating_add);
+            let cost = inside.fold(own, u64::saturating_add);
             costs.insert(address(level), cost);
             open.pop();
         }
@@ -84,12 +98,21 @@ impl<'a> BruteForce<'a> {
                 if instance.mask & ray.mask == 0 || instance.bounds().is_empty() {
                     continue;
                 }
-                let clip = prepared.slab.interval(&instance.bounds()).intersection(&prepared.clip);
+                let bounds = match &instance.motion {
+                    None => instance.bounds(),
+                    Some(motion) => motion.bounds(ray.time),
+                };
+                let clip = prepared.slab.interval(&bounds).intersection(&prepared.clip);
                 if clip.is_empty() {
                     continue;
                 }
                 let inner = &*instance.structure;
-                let entered = prepared.enter(Scalar, &instance.columns, clip, inner);
+                let columns = match &instance.motion {
+                    None => Some(instance.columns),
+                    Some(motion) => motion.columns(ray.time),
+                };
+                let Some(columns) = columns else { continue };
+                let entered = prepared.enter(Scalar, &columns, clip, inner);
                 open.extend(entered.map(|prepared| (inner, prepared, inst + instance.rank)));
             }
         }
@@ -106,14 +129,24 @@ impl<'a> BruteForce<'a> {
         hits: &mut Vec<Hit>,
     ) {
         let range = Interval { entry: ray.t_min, exit: ray.t_max };
-        for block in &self.levels[&address(level)] {
+        let Triangles { blocks, moving } = &self.levels[&address(level)];
+        let Prepared { triangle, slab, clip, .. } = prepared;
+        for &(geom, prim) in moving {
+            let geometry = &level.geometries[geom as usize];
+            let corners = geometry.mesh.corners_at(prim as usize, ray.time);
+            let (Some(corners), true) = (corners, geometry.mask & ray.mask != 0) else { continue };
+            if let Some(meeting) = triangle.hit(&corners, slab, clip, &range) {
+                let (t, u, v) = (meeting.t, meeting.u, meeting.v);
+                hits.push(Hit { t, u, v, prim, geom, inst });
+            }
+        }
+        for block in blocks {
             let undecided = block.undecided(&prepared.triangle);
             for (lane, &(geom, prim)) in block.names.iter().enumerate() {
                 if !undecided[lane] || level.geometries[geom as usize].mask & ray.mask == 0 {
                     continue;
                 }
                 let corners = block.triangle(lane);
-                let Prepared { triangle, slab, clip, .. } = prepared;
                 if let Some(meeting) = triangle.hit(&corners, slab, clip, &range) {
                     let (t, u, v) = (meeting.t, meeting.u, meeting.v);
                     hits.push(Hit { t, u, v, prim, geom, inst });
@@ -134,18 +167,22 @@ struct Named {
     name: (u32, u32),
 }
 
-fn blocks(level: &Structure) -> Vec<Block> {
-    let mut triangles = Vec::new();
+fn triangles(level: &Structure) -> Triangles {
+    let (mut triangles, mut moving) = (Vec::new(), Vec::new());
     for (geometry, geom) in level.geometries.iter().zip(0..) {
         let mesh = &geometry.mesh;
         for prim in 0..mesh.triangles().len() {
             if mesh.defect(prim).is_none() {
                 let name = (geom, prim as u32);
+                if mesh.is_moving() {
+                    moving.push(name);
+                    continue;
+                }
                 triangles.extend(mesh.corners(prim).map(|corners| Named { corners, name }));
             }
         }
     }
-    triangles.chunks(LANES).map(Block::new).collect()
+    Triangles { blocks: triangles.chunks(LANES).map(Block::new).collect(), moving }
 }
 
 impl Block {

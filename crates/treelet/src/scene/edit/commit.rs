@@ -100,6 +100,10 @@ impl Edit {
         if self.counts != [before.geometries.len(), before.instances.len()] {
             return Err(Reason::Different);
         }
+        let is_moving = self.meshes.values().any(|(mesh, _)| mesh.is_moving());
+        if is_moving || !before.moving.is_empty() {
+            return Err(Reason::Moving);
+        }
         let mut reshaped = false;
         for (&geom, (mesh, _)) in &self.meshes {
             let old = &before.geometries[geom].mesh;
