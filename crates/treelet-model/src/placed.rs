@@ -289,12 +289,12 @@ fn bend(
     let content = &model.objects[object];
     let mut edit = scene.edit();
     for (geom, part) in content.parts.iter().enumerate() {
-        if edit.set_mesh(geom, part.mesh.clone()).is_err() {
-            edit.add_mesh(part.mesh.clone());
+        if edit.set_shape(geom, part.mesh.clone()).is_err() {
+            edit.add_shape(part.mesh.clone());
         }
     }
-    for geom in content.parts.len()..scene.meshes().len() {
-        let _ = edit.remove_mesh(geom);
+    for geom in content.parts.len()..scene.shapes().len() {
+        let _ = edit.remove_shape(geom);
     }
     let context = Context { progress: None, ..options.context.clone() };
     let commit = edit.commit(&BuildOptions { context, ..options.clone() });

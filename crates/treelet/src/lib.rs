@@ -1,6 +1,7 @@
-//! Ray queries on triangle geometry, from one triangle to a billion.
+//! Ray queries on geometry, from one triangle to a billion.
 //!
-//! A [`Mesh`] borrows or owns vertex and index arrays; a [`Scene`] is built over meshes and
+//! A [`Mesh`] borrows or owns vertex and index arrays; a [`Scene`] is built over meshes, other shapes
+//! ([`geometry::Shape`]: quads, spheres, discs, curves, primitives of the caller's own) and
 //! instances of other scenes, and answers [`Ray`]s:
 //!
 //! - [`Scene::closest`]: the first hit;

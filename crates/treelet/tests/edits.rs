@@ -112,7 +112,7 @@ fn edits_in_any_order_answer_like_a_fresh_build() {
                 3 => {
                     let mask = 1 << random.below(3);
                     edit.set_instance_mask(instance, mask).unwrap();
-                    edit.set_mesh_mask(geom, mask).unwrap();
+                    edit.set_mask(geom, mask).unwrap();
                     (told.instances[instance].2, told.meshes[geom].1) = (mask, mask);
                 }
                 4 => {
@@ -123,7 +123,7 @@ fn edits_in_any_order_answer_like_a_fresh_build() {
                 5 => {
                     edit.remove_instance(instance).unwrap();
                     told.instances[instance].0 = objects[2].clone();
-                    edit.remove_mesh(geom).unwrap();
+                    edit.remove_shape(geom).unwrap();
                     told.meshes[geom].0 = Mesh::default();
                 }
                 6 => {
@@ -132,7 +132,7 @@ fn edits_in_any_order_answer_like_a_fresh_build() {
                     told.instances.push((objects[1].clone(), map, u32::MAX));
                 }
                 _ => {
-                    assert_eq!(edit.add_mesh(mesh(&shapes[0])), told.meshes.len());
+                    assert_eq!(edit.add_shape(mesh(&shapes[0])), told.meshes.len());
                     told.meshes.push((mesh(&shapes[0]), u32::MAX));
                 }
             }
@@ -271,9 +271,9 @@ fn a_commit_says_what_it_did_and_why() {
     assert!(without.scene.report().skipped.triangles > 0);
 
     let mut edit = scene.edit();
-    let missing = EditError::NoMesh { geom: 1, meshes: 1 };
+    let missing = EditError::NoGeometry { geom: 1, geometries: 1 };
     assert_eq!(edit.set_positions(1, shape.positions.clone()), Err(missing));
-    assert_eq!(missing.to_string(), "there is no mesh 1: the scene has 1");
+    assert_eq!(missing.to_string(), "there is no mesh or shape 1: the scene has 1");
     let missing = EditError::NoInstance { instance: 0, instances: 0 };
     assert_eq!(edit.set_transform(0, Affine::IDENTITY), Err(missing));
     assert_eq!(edit.remove_instance(0), Err(missing));
@@ -284,11 +284,11 @@ fn nothing_at_all_can_be_edited() {
     let options = options(LayoutChoice::Wide16);
     let nothing = Scene::builder().build(&options).unwrap();
     let mut edit = nothing.edit();
-    edit.add_mesh(mesh(&closed::cube()));
+    edit.add_shape(mesh(&closed::cube()));
     let cube = edit.commit(&options).unwrap().scene;
     assert!(cube.any(&Ray::new([0.1, 0.2, -9.0], [0.0, 0.0, 1.0])));
     let mut edit = cube.edit();
-    edit.remove_mesh(0).unwrap();
+    edit.remove_shape(0).unwrap();
     let empty = edit.commit(&options).unwrap().scene;
     assert!(empty.bounds().is_empty());
     let mut edit = empty.edit();

@@ -274,7 +274,7 @@ fn normals_stand_on_the_surface_and_point_out() {
             let target = map.point(random.direction().map(|x| x * 3.0));
             let ray = Ray::new(center, std::array::from_fn(|i| target[i] - center[i]));
             let hit = scene.closest(&ray).unwrap_or_else(|| panic!("{map:?}, {ray:?}"));
-            let normal = scene.normal(&hit).unwrap_or_else(|| panic!("{map:?}, {hit:?}"));
+            let normal = scene.normal(&ray, &hit).unwrap_or_else(|| panic!("{map:?}, {hit:?}"));
             let dot = |a: [f32; 3], b: [f32; 3]| -> f64 {
                 (0..3).map(|i| f64::from(a[i]) * f64::from(b[i])).sum()
             };
@@ -289,12 +289,13 @@ fn normals_stand_on_the_surface_and_point_out() {
     // A tiny triangle is not a degenerate one.
     let tiny = Mesh::new([[0.0; 3], [1e-30, 0.0, 0.0], [0.0, 1e-30, 0.0]], [[0, 1, 2]]);
     let scene = built(Scene::builder().mesh(tiny));
+    let ray = Ray::new([2e-31, 2e-31, -1.0], [0.0, 0.0, 1.0]);
     let hit = Hit { t: 1.0, u: 0.2, v: 0.2, prim: 0, geom: 0, inst: 0 };
-    assert_eq!(scene.normal(&hit), Some([0.0, 0.0, 1.0]));
+    assert_eq!(scene.normal(&ray, &hit), Some([0.0, 0.0, 1.0]));
     for stranger in
         [Hit { prim: 1, ..hit }, Hit { geom: 1, ..hit }, Hit { inst: 1, ..hit }, Hit::MISS]
     {
-        assert_eq!((scene.normal(&stranger), scene.corners(&stranger)), (None, None));
+        assert_eq!((scene.normal(&ray, &stranger), scene.corners(&stranger)), (None, None));
     }
 }
 
@@ -332,6 +333,7 @@ fn maps_that_lead_nowhere_are_named_or_skipped() {
             InstanceDefect::Singular { .. } => assert!((3..7).contains(&i), "map {i}: {defect}"),
             InstanceDefect::Scale { .. } => assert_eq!(i, 9, "{defect}"),
             InstanceDefect::TooFar { .. } => assert!([7, 8].contains(&i), "map {i}: {defect}"),
+            _ => panic!("map {i}: {defect}"),
         }
         assert!(error.to_string().contains("instance 1"), "{error}");
 

@@ -145,7 +145,11 @@ pub(crate) fn scene_with(
 ) -> Result<Scene, EngineError> {
     let Wish { recipe, layout, level } = wish(variant)
         .ok_or_else(|| EngineError::Missing(format!("treelet has no variant `{variant}`")))?;
-    let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
+    let (positions, indices) = (triangles.positions.clone(), triangles.indices.clone());
+    let mesh = match &triangles.later {
+        None => Mesh::new(positions, indices),
+        Some(later) => Mesh::moving([positions, later.clone()], indices),
+    };
     let own = recipe.options().plan().optimizers;
     let optimizers: Vec<_> = own.iter().chain(more).copied().collect();
     let optimizers = Some(&*optimizers);

@@ -67,7 +67,7 @@ pub fn flatten(model: &Model) -> Result<Triangles, FlattenError> {
         return Err(FlattenError::Empty);
     }
     positions.push([0.0; 3]);
-    Ok(Triangles { positions: positions.into(), indices: indices.into() })
+    Ok(Triangles { positions: positions.into(), indices: indices.into(), later: None })
 }
 
 /// Coordinates up to here are taken by every engine.

@@ -142,28 +142,21 @@ impl Mesh {
 
     /// What is wrong with triangle `prim`, if anything.
     pub fn defect(&self, prim: usize) -> Option<Defect> {
-        let positions = self.positions();
-        for vertex in self.triangles[prim] {
-            let Some(position) = positions.get(vertex as usize) else {
-                return Some(Defect::IndexOutOfRange { vertex, vertices: positions.len() });
-            };
-            if !position.iter().all(|x| x.abs() <= COORDINATE_MAX) {
-                return Some(Defect::BadVertex { vertex, position: *position });
-            }
-        }
-        if self.is_moving() { self.defect_in_later(prim) } else { None }
+        let corners = self.triangles[prim];
+        let first = corners.into_iter().find_map(|vertex| position_defect(&self.positions, vertex));
+        if first.is_some() || !self.is_moving() { first } else { self.defect_in_later(prim) }
     }
 
     /// The same of the later steps of a mesh that moves.
     fn defect_in_later(&self, prim: usize) -> Option<Defect> {
         for step in 1..self.steps() {
-            let positions = self.positions_at_step(step);
             for vertex in self.triangles[prim] {
-                let Some(&position) = positions.get(vertex as usize) else {
-                    return Some(Defect::IndexOutOfRange { vertex, vertices: positions.len() });
-                };
-                if !position.iter().all(|x| x.abs() <= COORDINATE_MAX) {
-                    return Some(Defect::BadVertexAt { step, vertex, position });
+                match position_defect(self.positions_at_step(step), vertex) {
+                    Some(Defect::BadVertex { vertex, position }) => {
+                        return Some(Defect::BadVertexAt { step, vertex, position });
+                    }
+                    None => {}
+                    other => return other,
                 }
             }
         }
@@ -183,10 +176,20 @@ impl Mesh {
     }
 }
 
-/// What makes a triangle unfit for a scene.
+/// What is wrong with a vertex, if anything.
+pub(super) fn position_defect(positions: &[[f32; 3]], vertex: u32) -> Option<Defect> {
+    let Some(&position) = positions.get(vertex as usize) else {
+        return Some(Defect::IndexOutOfRange { vertex, vertices: positions.len() });
+    };
+    let near = position.iter().all(|x| x.abs() <= COORDINATE_MAX);
+    (!near).then_some(Defect::BadVertex { vertex, position })
+}
+
+/// What makes a primitive unfit for a scene.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum Defect {
-    /// The triangle names a vertex that is not there.
+    /// The primitive names a vertex that is not there.
     #[error("vertex index {vertex} is past the mesh's {vertices} vertices")]
     IndexOutOfRange {
         /// The index.
@@ -213,5 +216,27 @@ pub enum Defect {
         vertex: u32,
         /// Its position.
         position: [f32; 3],
+    },
+    /// A center or a radius is NaN or infinite, or the radius is negative.
+    #[error("the ball at {center:?} with radius {radius} is not finite, or negative")]
+    BadRadius {
+        /// Its center.
+        center: [f32; 3],
+        /// Its radius.
+        radius: f32,
+    },
+    /// A normal is NaN, infinite or zero.
+    #[error("the normal {normal:?} is zero or not finite")]
+    BadNormal {
+        /// The normal.
+        normal: [f32; 3],
+    },
+    /// A box is NaN, ends before it begins, or reaches beyond [`COORDINATE_MAX`].
+    #[error("the box {lo:?} .. {hi:?} is empty, not finite or lies partly beyond ±2^62")]
+    BadBox {
+        /// Its least corner.
+        lo: [f32; 3],
+        /// Its greatest corner.
+        hi: [f32; 3],
     },
 }

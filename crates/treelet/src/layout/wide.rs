@@ -14,8 +14,8 @@
 //! | bit 31     | 0: bits 0..31 are the index of a node                                     |
 //! |            | 1: a leaf: bits 29..31 are its entries less one, bits 0..29 the first one |
 //!
-//! Entries are numbered triangles first, instances after them, these by their numbers in the scene; a leaf
-//! holds triangles or one instance. A leaf's
+//! Entries are numbered triangles first, instances after them, these by their numbers in the scene, then primitives of other
+//! kinds by their ids; a leaf holds triangles or one of anything else. A leaf's
 //! triangles are one block of words, ten a triangle, in rows as long as the leaf has triangles: `x`,
 //! `y` and `z` of the first corners, of the second, of the third, then the ids. So four triangles are
 //! loaded as vectors, and a leaf of one costs 40 bytes, not 160.

@@ -1,8 +1,8 @@
-//! From meshes and instances to a level that can be walked: gather, build, lower.
+//! From geometries and instances to a level that can be walked: gather, build, lower.
 
 use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
-use super::gather::{Names, Prims, add_triangles};
+use super::gather::{Names, Prims, add_triangles, first_ids, other_boxes};
 use super::improve;
 use super::moving::{self, Moving};
 use super::place::{Placements, parts, place_instances};
@@ -12,7 +12,6 @@ use super::{Plan, Quality, Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
-use crate::geometry::Mesh;
 use crate::geometry::triangle::Ordinary;
 use crate::layout::Collapse;
 use crate::layout::compact::pack::pack;
@@ -49,9 +48,10 @@ pub(super) fn assemble(
     Gathered::new(description, options)?.scene(&options.plan(), options, false)
 }
 
-/// Meshes and instances, checked and boxed: what any number of trees can be built over.
+/// Geometries and instances, checked and boxed: what any number of trees can be built over.
 pub(super) struct Gathered {
-    meshes: Vec<(Mesh, u32)>,
+    geometries: Vec<Geometry>,
+    first_ids: Vec<u32>,
     placements: Placements,
     moving: Vec<Moving>,
     prims: Prims,
@@ -60,53 +60,52 @@ pub(super) struct Gathered {
 }
 
 impl Gathered {
-    /// Checks and boxes what the leaves will hold: triangles first, then instances.
+    /// Checks and boxes what the leaves will hold: triangles first, then instances, then what else there is.
     pub(super) fn new(
         description: SceneBuilder,
         options: &BuildOptions<'_>,
     ) -> Result<Self, SceneError> {
         let clock = Stopwatch::start();
         let mut report = BuildReport::default();
-        let standing = |mesh: &Mesh| if mesh.is_moving() { 0 } else { mesh.triangles().len() };
-        let room = description.meshes.iter().map(|(mesh, _)| standing(mesh)).sum();
-        let others = description.meshes.iter().filter(|(mesh, _)| mesh.is_moving()).count();
-        let mut prims = Prims::with_room(room, description.instances.len() + others)?;
-        let mut moving = Vec::with_capacity(others);
-        for (geom, (mesh, _)) in description.meshes.iter().enumerate() {
-            if let Some((step, vertices)) = mesh.uneven_step() {
-                let first = mesh.positions().len();
-                return Err(SceneError::Steps { geom, step, vertices, first });
-            }
-            if mesh.is_moving() {
-                let mesh = moving::gather(geom, mesh, options, &mut report)?;
-                prims.meshes = prims.meshes.union(&mesh.bounds);
-                moving.push(mesh);
-            } else {
-                add_triangles(geom, mesh, options, &mut prims, &mut report)?;
-            }
+        let SceneBuilder { geometries, instances } = description;
+        let first_ids = first_ids(&geometries)?;
+        let mut others = other_boxes(&geometries, &first_ids, options, &mut report)?;
+        let moving = moving::gather(&geometries, &first_ids, options, &mut report)?;
+        others.extend(moving.iter().map(|mesh| (mesh.first_id, mesh.bounds)));
+        others.sort_unstable_by_key(|(id, _)| *id);
+        let meshes = geometries.iter().enumerate();
+        let meshes = meshes.filter_map(|(geom, geometry)| Some((geom, geometry.mesh()?)));
+        let meshes = meshes.filter(|(_, mesh)| !mesh.is_moving());
+        let triangles = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
+        let mut prims = Prims::with_room(triangles, instances.len() + others.len())?;
+        for (geom, mesh) in meshes {
+            add_triangles(geom, mesh, options, &mut prims, &mut report)?;
         }
-        moving.retain(|mesh| !mesh.bounds.is_empty());
-        let meshes = prims.meshes;
-        let placements =
-            place_instances(parts(description.instances), meshes, options, &mut report)?;
+        let around = others.iter().fold(prims.around, |all, (_, bounds)| all.union(bounds));
+        prims.around = around;
+        let placements = place_instances(parts(instances), around, options, &mut report)?;
         let placed = placements
             .instances
             .iter()
             .zip(0..)
             .filter(|(instance, _)| !instance.bounds().is_empty());
         for (instance, index) in placed {
-            prims.add_instance(index, instance.bounds());
+            prims.add_single(index, instance.bounds());
+        }
+        report.instances = prims.singles.len() as u64;
+        // Leaves call them by their ids, after all instances.
+        let after = placements.instances.len() as u64;
+        for (id, bounds) in others {
+            let number = after + u64::from(id);
+            let number =
+                u32::try_from(number).map_err(|_| BuildError::TooManyPrims { prims: number })?;
+            prims.add_single(number, bounds);
         }
         report.triangles += prims.triangles as u64;
-        report.instances = prims.instances.len() as u64;
-        // What moves is numbered after the instances, and like them a leaf each.
-        for (mesh, number) in moving.iter().zip(placements.instances.len()..) {
-            prims.add_instance(number as u32, mesh.bounds);
-        }
-        Ok(Self { meshes: description.meshes, placements, moving, prims, report, clock })
+        Ok(Self { geometries, first_ids, placements, moving, prims, report, clock })
     }
 
-    /// What leaves will hold: triangles and instances.
+    /// What leaves will hold.
     pub(super) fn prims(&self) -> usize {
         self.prims.bounds().len()
     }
@@ -125,18 +124,19 @@ impl Gathered {
         again: bool,
     ) -> Result<Scene, SceneError> {
         let (mut tree, mut report) = self.tree(plan, options)?;
-        let Self { meshes, placements, moving, prims, clock, .. } = self;
-        if report.tree.leaf_max as usize > LEAF_MAX || !prims.instances.is_empty() {
+        let Self { geometries, first_ids, placements, moving, prims, clock, .. } = self;
+        if report.tree.leaf_max as usize > LEAF_MAX || !prims.singles.is_empty() {
             tree = split_leaves(tree, prims.bounds(), prims.triangles);
         }
-        let (meshes, instances) = if again {
-            (meshes.clone(), placements.instances.clone())
+        let (geometries, first_ids, instances) = if again {
+            (geometries.clone(), first_ids.clone(), placements.instances.clone())
         } else {
-            (mem::take(meshes), mem::take(&mut placements.instances))
+            let instances = mem::take(&mut placements.instances);
+            (mem::take(geometries), mem::take(first_ids), instances)
         };
-        let placements = Placements { instances, ..*placements };
-        let mut structure =
-            finish(meshes, placements, prims, &tree, plan.collapse, options, again)?;
+        let content =
+            Content { geometries, first_ids, placements: Placements { instances, ..*placements } };
+        let mut structure = finish(content, prims, &tree, plan.collapse, options, again)?;
         moving::build(&mut structure, moving, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
@@ -150,9 +150,9 @@ impl Gathered {
         options: &BuildOptions<'_>,
     ) -> Result<(Tree, BuildReport), SceneError> {
         let clock = Stopwatch::start();
-        let Self { meshes, prims: Prims { names, triangles, .. }, .. } = self;
+        let Self { geometries, prims: Prims { names, triangles, .. }, .. } = self;
         let bounds = self.prims.bounds();
-        let cut = Cuttable { meshes, names, triangles: *triangles, bounds };
+        let cut = Cuttable { geometries, names, triangles: *triangles, bounds };
         let tree = plan.build(bounds, &cut, &options.context)?;
         let report = BuildReport {
             builder: plan.builder.info().name,
@@ -165,39 +165,36 @@ impl Gathered {
     }
 }
 
+/// What the numbers in a tree stand for.
+struct Content {
+    geometries: Vec<Geometry>,
+    first_ids: Vec<u32>,
+    placements: Placements,
+}
+
 /// Lowers the tree and derives what walks need to know about the level. The boxes of `prims` are let go unless
 /// another tree is to be built over them `again`.
 fn finish(
-    meshes: Vec<(Mesh, u32)>,
-    placements: Placements,
+    content: Content,
     prims: &mut Prims,
     tree: &Tree,
     collapse: Collapse,
     options: &BuildOptions<'_>,
     again: bool,
 ) -> Result<Structure, SceneError> {
+    let Content { geometries, first_ids, placements } = content;
     let Placements { instances, reach, slack, paths } = placements;
     let repeats = tree.prims.len() > prims.bounds().len()
         || instances.blocks.iter().any(|block| block.repeats);
     if !again {
         prims.forget_bounds();
     }
-    // Where there is no instance, nobody looks for one.
-    let placed = match &*prims.instances {
+    // Where there are triangles only, nobody looks for anything else.
+    let placed = match &*prims.singles {
         [] => Numbered::NONE,
         numbers => Numbered { first: prims.triangles as u32, numbers },
     };
     let level = options.level.checked().ok_or(SceneError::Level { level: options.level })?;
-    let geometries: Vec<_> =
-        meshes.into_iter().map(|(mesh, mask)| Geometry { mesh, mask }).collect();
-    let mut first_ids = Vec::with_capacity(geometries.len());
-    let mut id = 0_u32;
-    for geometry in &geometries {
-        first_ids.push(id);
-        let count = geometry.mesh.triangles().len();
-        let next = u32::try_from(count).ok().and_then(|count| id.checked_add(count));
-        id = next.ok_or(BuildError::TooManyPrims { prims: u64::from(id) + count as u64 })?;
-    }
 
     let source = Source { geometries: &geometries, first_ids: &first_ids, names: &prims.names };
     let source = |prims: &[u32], packed: &mut [Packed]| source.fetch(prims, packed);
@@ -224,7 +221,7 @@ fn finish(
         bounds: tree.bounds(),
         cover: cover(tree),
         repeats,
-        around_meshes: prims.meshes,
+        around_meshes: prims.around,
     };
     Ok(level.structure())
 }
@@ -239,7 +236,7 @@ pub(super) struct Level {
     pub(super) bounds: Aabb,
     pub(super) cover: Vec<Aabb>,
     pub(super) repeats: bool,
-    /// Around the meshes alone.
+    /// Around everything but the instances.
     pub(super) around_meshes: Aabb,
 }
 
@@ -251,6 +248,8 @@ impl Level {
         Structure {
             repeats: self.repeats,
             level,
+            flat: instances.is_empty()
+                && geometries.iter().all(|it| it.mesh().is_some_and(|mesh| !mesh.is_moving())),
             unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
             geometries,
             first_ids,
@@ -297,7 +296,8 @@ impl Source<'_> {
 
     /// Triangles of one mesh.
     fn fetch_of(&self, geom: usize, prims: &[u32], packed: &mut [Packed]) {
-        let (mesh, first_id) = (&self.geometries[geom].mesh, self.first_ids[geom]);
+        let Some(mesh) = self.geometries[geom].mesh() else { return };
+        let first_id = self.first_ids[geom];
         let (positions, triangles) = (mesh.positions(), mesh.triangles());
         let mut corners = [[0_u32; 3]; FETCH];
         for (&prim, corners) in prims.iter().zip(&mut corners) {
@@ -315,7 +315,8 @@ impl Source<'_> {
             *name = all[at as usize];
         }
         for (&(geom, prim), packed) in names.iter().zip(packed) {
-            let corners = self.geometries[geom as usize].mesh.corners(prim as usize);
+            let mesh = self.geometries[geom as usize].mesh();
+            let corners = mesh.and_then(|mesh| mesh.corners(prim as usize));
             *packed = Packed {
                 corners: corners.unwrap_or_default(),
                 id: self.first_ids[geom as usize] + prim,

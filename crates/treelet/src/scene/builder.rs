@@ -4,12 +4,12 @@ use super::assemble;
 use super::{Pilot, Plan, Quality, Scene, SceneError};
 use crate::build::{Builder, Info};
 use crate::context::Context;
-use crate::geometry::Mesh;
+use crate::geometry::{Mesh, Shape};
 use crate::layout::{compact, wide};
 use crate::math::Affine;
 use crate::optimize::Optimizer;
 use crate::simd::Level;
-use crate::trace::structure::Structure;
+use crate::trace::structure::{Geometry, Structure};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -110,10 +110,10 @@ impl Default for BuildOptions<'_> {
     }
 }
 
-/// A scene to be: meshes and instances in the order in which hits will number them.
+/// A scene to be: geometries and instances in the order in which hits will number them.
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
-    pub(super) meshes: Vec<(Mesh, u32)>,
+    pub(super) geometries: Vec<Geometry>,
     pub(super) instances: Vec<Placed>,
 }
 
@@ -128,7 +128,7 @@ pub(super) struct Placed {
 }
 
 impl SceneBuilder {
-    /// Adds a mesh that every ray sees; its `geom` is the number of meshes before it.
+    /// Adds a mesh that every ray sees; its `geom` is the number of meshes and other shapes before it.
     #[must_use]
     pub fn mesh(self, mesh: Mesh) -> Self {
         self.mesh_masked(mesh, u32::MAX)
@@ -136,8 +136,32 @@ impl SceneBuilder {
 
     /// Adds a mesh that is met by rays whose mask has a bit in common with `mask`.
     #[must_use]
-    pub fn mesh_masked(mut self, mesh: Mesh, mask: u32) -> Self {
-        self.meshes.push((mesh, mask));
+    pub fn mesh_masked(self, mesh: Mesh, mask: u32) -> Self {
+        self.shape_masked(mesh, mask)
+    }
+
+    /// Adds primitives of any kind, which every ray sees; numbered as meshes are.
+    ///
+    /// ```
+    /// use treelet::geometry::Spheres;
+    /// use treelet::{BuildOptions, Ray, Scene};
+    ///
+    /// let spheres = Spheres::new([[0.0, 0.0, 5.0, 1.0], [0.0, 0.0, 9.0, 2.0]]);
+    /// let scene = Scene::builder().shape(spheres).build(&BuildOptions::default())?;
+    /// let ray = Ray::new([0.0; 3], [0.0, 0.0, 1.0]);
+    /// let hits: Vec<_> = scene.all(&ray).iter().map(|hit| (hit.t, hit.prim)).collect();
+    /// assert_eq!(hits, [(4.0, 0), (7.0, 1)]);
+    /// # Ok::<(), treelet::SceneError>(())
+    /// ```
+    #[must_use]
+    pub fn shape(self, shape: impl Into<Shape>) -> Self {
+        self.shape_masked(shape, u32::MAX)
+    }
+
+    /// Adds primitives of any kind that are met by rays whose mask has a bit in common with `mask`.
+    #[must_use]
+    pub fn shape_masked(mut self, shape: impl Into<Shape>, mask: u32) -> Self {
+        self.geometries.push(Geometry { shape: shape.into(), mask });
         self
     }
 

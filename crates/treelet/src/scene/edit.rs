@@ -9,9 +9,10 @@ mod commit;
 
 use super::Scene;
 use super::builder::Placed;
-use crate::geometry::Mesh;
+use crate::geometry::{Mesh, Shape};
 use crate::math::Affine;
 use crate::memory::Array;
+use crate::trace::structure::Geometry;
 use alloc::collections::BTreeMap;
 use alloc::collections::btree_map::Entry;
 use alloc::sync::Arc;
@@ -101,13 +102,21 @@ pub struct Commit {
 /// What an edit names that is not there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EditError {
-    /// No such mesh.
-    #[error("there is no mesh {geom}: the scene has {meshes}")]
-    NoMesh {
+    /// No such mesh or other shape.
+    #[error("there is no mesh or shape {geom}: the scene has {geometries}")]
+    NoGeometry {
         /// What was asked for.
         geom: usize,
         /// How many there are.
-        meshes: usize,
+        geometries: usize,
+    },
+    /// Vertices were to be moved of what has none.
+    #[error("shape {geom} is made of {kind}s, not triangles; use `set_shape`")]
+    NoMesh {
+        /// What was asked for.
+        geom: usize,
+        /// What it is made of.
+        kind: &'static str,
     },
     /// No such instance.
     #[error("there is no instance {instance}: the scene has {instances}")]
@@ -139,8 +148,8 @@ pub enum EditError {
 #[derive(Clone, Debug)]
 pub struct Edit {
     before: Scene,
-    /// Meshes that are others now, or new.
-    meshes: BTreeMap<usize, (Mesh, u32)>,
+    /// Meshes and other shapes that are others now, or new.
+    geometries: BTreeMap<usize, Geometry>,
     /// Instances that are others now, or new.
     instances: BTreeMap<usize, Placed>,
     /// How many there are, the new ones included.
@@ -154,7 +163,7 @@ impl Scene {
     pub fn edit(&self) -> Edit {
         Edit {
             before: self.clone(),
-            meshes: BTreeMap::new(),
+            geometries: BTreeMap::new(),
             instances: BTreeMap::new(),
             counts: [self.structure.geometries.len(), self.structure.instances.len()],
             update: Update::default(),
@@ -167,51 +176,53 @@ impl Edit {
     ///
     /// # Errors
     ///
-    /// There is no such mesh.
+    /// There is no such mesh, or it is no mesh.
     pub fn set_positions(
         &mut self,
         geom: usize,
         positions: impl Into<Array<[f32; 3]>>,
     ) -> Result<(), EditError> {
-        let (mesh, _) = self.mesh(geom)?;
-        *mesh = mesh.with_positions(positions);
+        let geometry = self.geometry(geom)?;
+        let kind = geometry.shape.kind();
+        let mesh = geometry.mesh().ok_or(EditError::NoMesh { geom, kind })?;
+        geometry.shape = mesh.with_positions(positions).into();
         Ok(())
     }
 
-    /// Puts another mesh in the place of one.
+    /// Puts another mesh, or primitives of another kind, in the place of one.
     ///
     /// # Errors
     ///
-    /// There is no such mesh.
-    pub fn set_mesh(&mut self, geom: usize, mesh: Mesh) -> Result<(), EditError> {
-        self.mesh(geom)?.0 = mesh;
+    /// There is no such mesh or shape.
+    pub fn set_shape(&mut self, geom: usize, shape: impl Into<Shape>) -> Result<(), EditError> {
+        self.geometry(geom)?.shape = shape.into();
         Ok(())
     }
 
-    /// Which rays see a mesh: those whose mask has a bit in common with `mask`.
+    /// Which rays see a mesh or a shape: those whose mask has a bit in common with `mask`.
     ///
     /// # Errors
     ///
-    /// There is no such mesh.
-    pub fn set_mesh_mask(&mut self, geom: usize, mask: u32) -> Result<(), EditError> {
-        self.mesh(geom)?.1 = mask;
+    /// There is no such mesh or shape.
+    pub fn set_mask(&mut self, geom: usize, mask: u32) -> Result<(), EditError> {
+        self.geometry(geom)?.mask = mask;
         Ok(())
     }
 
-    /// Takes a mesh away; its number stays unused.
+    /// Takes a mesh or a shape away; its number stays unused.
     ///
     /// # Errors
     ///
-    /// There is no such mesh.
-    pub fn remove_mesh(&mut self, geom: usize) -> Result<(), EditError> {
-        self.set_mesh(geom, Mesh::default())
+    /// There is no such mesh or shape.
+    pub fn remove_shape(&mut self, geom: usize) -> Result<(), EditError> {
+        self.set_shape(geom, Mesh::default())
     }
 
-    /// Adds a mesh that every ray sees; returns its `geom`.
-    pub fn add_mesh(&mut self, mesh: Mesh) -> usize {
+    /// Adds a mesh, or primitives of another kind, that every ray sees; returns its `geom`.
+    pub fn add_shape(&mut self, shape: impl Into<Shape>) -> usize {
         let geom = self.counts[0];
         self.counts[0] += 1;
-        self.meshes.insert(geom, (mesh, u32::MAX));
+        self.geometries.insert(geom, Geometry { shape: shape.into(), mask: u32::MAX });
         geom
     }
 
@@ -273,14 +284,14 @@ impl Edit {
         instance
     }
 
-    /// What is to be said of a mesh.
-    fn mesh(&mut self, geom: usize) -> Result<&mut (Mesh, u32), EditError> {
-        let missing = EditError::NoMesh { geom, meshes: self.counts[0] };
-        match self.meshes.entry(geom) {
+    /// What is to be said of a mesh or a shape.
+    fn geometry(&mut self, geom: usize) -> Result<&mut Geometry, EditError> {
+        let missing = EditError::NoGeometry { geom, geometries: self.counts[0] };
+        match self.geometries.entry(geom) {
             Entry::Occupied(entry) => Ok(entry.into_mut()),
             Entry::Vacant(entry) => {
                 let before = self.before.structure.geometries.get(geom).ok_or(missing)?;
-                Ok(entry.insert((before.mesh.clone(), before.mask)))
+                Ok(entry.insert(before.clone()))
             }
         }
     }

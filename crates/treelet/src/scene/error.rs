@@ -34,6 +34,18 @@ pub enum SceneError {
         /// How many the first step has.
         first: usize,
     },
+    /// A primitive that is no triangle is not finite, or too far away.
+    #[error("geometry {geom}, {kind} {prim}: {defect}; mend it, or build with `Invalid::Skip`")]
+    Primitive {
+        /// Which geometry of the scene.
+        geom: usize,
+        /// What its primitives are.
+        kind: &'static str,
+        /// Which of them.
+        prim: usize,
+        /// What is wrong.
+        defect: Defect,
+    },
     /// An instance's map is singular, not finite, extreme, or puts it too far away.
     #[error("instance {instance}: {defect}; mend the transform, or build with `Invalid::Skip`")]
     Instance {
@@ -85,6 +97,7 @@ impl SceneError {
 
 /// What makes an instance unfit for a scene.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum InstanceDefect {
     /// No map leads back from the world to the object.
     #[error("the matrix {rows:?} is singular or has no inverse in f32")]

@@ -1,4 +1,4 @@
-//! From meshes to boxes: every triangle is checked, boxed and named.
+//! From geometries to boxes: every primitive is checked, boxed and named.
 //!
 //! Boxes are written where they stay; only where a triangle was skipped does what comes after it move
 //! up. Names are written down only where they are not the numbers themselves. All in four lanes (coordinate by
@@ -15,6 +15,7 @@ use crate::geometry::mesh::{COORDINATE_MAX, Defect, Mesh};
 use crate::geometry::triangle;
 use crate::memory::{self, Pages};
 use crate::simd::f4::F4;
+use crate::trace::structure::Geometry;
 use crate::tree::PRIMS_MAX;
 use alloc::vec::Vec;
 
@@ -23,14 +24,14 @@ const CHUNK: usize = 16_384;
 
 /// What the tree is built over.
 pub(super) struct Prims {
-    /// Around all triangles.
-    pub(super) meshes: Aabb,
+    /// Around all triangles, and all primitives of other kinds.
+    pub(super) around: Aabb,
     /// How many triangles.
     pub(super) triangles: usize,
     pub(super) names: Names,
-    /// Indices of the instances, whose boxes come after those of the triangles.
-    pub(super) instances: Vec<u32>,
-    /// Room for the boxes of the triangles, then of the instances.
+    /// What is alone in its leaf, by the numbers that leaves call it; boxes come after those of the triangles.
+    pub(super) singles: Vec<u32>,
+    /// Room for the boxes of the triangles, then of the singles.
     bounds: Pages<Aabb>,
 }
 
@@ -72,24 +73,24 @@ impl Names {
 }
 
 impl Prims {
-    /// Room for as many triangles and instances.
-    pub(super) fn with_room(triangles: usize, instances: usize) -> Result<Self, BuildError> {
-        let all = triangles.saturating_add(instances);
+    /// Room for as many triangles, and primitives of other kinds and instances.
+    pub(super) fn with_room(triangles: usize, singles: usize) -> Result<Self, BuildError> {
+        let all = triangles.saturating_add(singles);
         if all > PRIMS_MAX {
             return Err(BuildError::TooManyPrims { prims: all as u64 });
         }
         Ok(Self {
-            meshes: Aabb::EMPTY,
+            around: Aabb::EMPTY,
             triangles: 0,
             names: Names::Whole { geom: 0 },
-            instances: Vec::new(),
+            singles: memory::try_with_capacity(singles, "numbers of instances")?,
             bounds: Pages::zeroed(all, "primitive boxes")?,
         })
     }
 
-    /// Of the triangles, then of the instances.
+    /// Of the triangles, then of the singles.
     pub(super) fn bounds(&self) -> &[Aabb] {
-        self.bounds.get(..self.triangles + self.instances.len()).unwrap_or_default()
+        self.bounds.get(..self.triangles + self.singles.len()).unwrap_or_default()
     }
 
     /// Lets the boxes go.
@@ -97,10 +98,10 @@ impl Prims {
         self.bounds = Pages::default();
     }
 
-    /// Adds an instance; triangles must not follow.
-    pub(super) fn add_instance(&mut self, index: u32, bounds: Aabb) {
-        self.bounds[self.triangles + self.instances.len()] = bounds;
-        self.instances.push(index);
+    /// Adds what is alone in its leaf; numbers rise, and triangles must not follow.
+    pub(super) fn add_single(&mut self, number: u32, bounds: Aabb) {
+        self.bounds[self.triangles + self.singles.len()] = bounds;
+        self.singles.push(number);
     }
 }
 
@@ -174,7 +175,7 @@ pub(super) fn add_triangles(
             prims.bounds.copy_within(begin..begin + kept, end);
         }
         end += kept;
-        prims.meshes = prims.meshes.union(&bounds);
+        prims.around = prims.around.union(&bounds);
         report.degenerate += degenerate;
         let sum = &mut report.skipped;
         sum.triangles += skipped.triangles;
@@ -184,6 +185,57 @@ pub(super) fn add_triangles(
     }
     prims.triangles = end;
     Ok(())
+}
+
+/// Ids and boxes of the sound primitives of all geometries that are no meshes.
+pub(super) fn other_boxes(
+    geometries: &[Geometry],
+    first_ids: &[u32],
+    options: &BuildOptions<'_>,
+    report: &mut BuildReport,
+) -> Result<Vec<(u32, Aabb)>, SceneError> {
+    let mut all = Vec::new();
+    for (geom, (Geometry { shape, .. }, &first_id)) in geometries.iter().zip(first_ids).enumerate()
+    {
+        if shape.mesh().is_some() {
+            continue;
+        }
+        let chunks = (0..shape.len()).step_by(CHUNK).collect();
+        let boxed = parallel::map(chunks, |first: usize| {
+            options.context.cancel.check()?;
+            let prims = first..shape.len().min(first + CHUNK);
+            Ok(prims.map(|prim| (shape.bounds(prim), shape.defect(prim))).collect::<Vec<_>>())
+        });
+        memory::try_reserve(&mut all, shape.len(), "boxes of primitives")?;
+        let boxed = boxed.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
+        for (prim, (bounds, defect)) in boxed.into_iter().flatten().enumerate() {
+            let Some(defect) = defect else {
+                all.push((first_id + prim as u32, bounds));
+                continue;
+            };
+            if options.invalid == Invalid::Error {
+                let kind = shape.kind();
+                return Err(SceneError::Primitive { geom, kind, prim, defect });
+            }
+            let Skipped { others, first_other, .. } = &mut report.skipped;
+            *others += 1;
+            *first_other = first_other.or(Some((geom, prim, defect)));
+        }
+    }
+    report.others = all.len() as u64;
+    Ok(all)
+}
+
+/// For each geometry, the id of its first primitive.
+pub(super) fn first_ids(geometries: &[Geometry]) -> Result<Vec<u32>, BuildError> {
+    let mut id = 0_u32;
+    let mut next = |geometry: &Geometry| {
+        let (first, count) = (id, geometry.shape.len());
+        let end = u32::try_from(count).ok().and_then(|count| first.checked_add(count));
+        id = end.ok_or(BuildError::TooManyPrims { prims: u64::from(first) + count as u64 })?;
+        Ok(first)
+    };
+    geometries.iter().map(&mut next).collect()
 }
 
 /// Boxes the sound ones of some triangles, of which `first` is the first.
@@ -280,7 +332,7 @@ pub(super) fn skip(skipped: &mut Skipped, (geom, prim): (usize, usize), defect: 
     skipped.triangles += 1;
     match defect {
         Defect::IndexOutOfRange { .. } => skipped.index_out_of_range += 1,
-        Defect::BadVertex { .. } | Defect::BadVertexAt { .. } => skipped.bad_vertex += 1,
+        _ => skipped.bad_vertex += 1,
     }
     skipped.first_triangle = skipped.first_triangle.or(Some((geom, prim, defect)));
 }

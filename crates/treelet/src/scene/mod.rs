@@ -26,7 +26,7 @@ pub use report::{BuildReport, Skipped};
 pub use slices::HitLists;
 
 use crate::bounds::Aabb;
-use crate::geometry::{Hit, Mesh};
+use crate::geometry::{Hit, Shape, shape};
 use crate::math::{Affine, Ray};
 use crate::query;
 use crate::trace::Counters;
@@ -36,7 +36,7 @@ use alloc::vec::Vec;
 
 /// An immutable snapshot of geometry that answers rays.
 ///
-/// Cheap to clone, `Send + Sync`; queries never lock. A scene holds meshes, numbered as `geom`, and
+/// Cheap to clone, `Send + Sync`; queries never lock. A scene holds meshes and other shapes, numbered as `geom`, and
 /// instances of other scenes, nested to any depth.
 ///
 /// Every answer is a pure function of the geometry and the ray: no builder, no number of threads
@@ -122,12 +122,12 @@ impl Scene {
         query::filtered::any(&self.structure, ray, &accept)
     }
 
-    /// How many triangles the ray meets: the length of [`Scene::all`].
+    /// How many triangles, and primitives of other kinds, the ray meets: the length of [`Scene::all`].
     pub fn count(&self, ray: &Ray) -> u64 {
         query::count::count(&self.structure, ray)
     }
 
-    /// Every triangle that the ray meets, once, ordered by `t`, then by id.
+    /// Every primitive that the ray meets, once, ordered by `t`, then by id.
     ///
     /// The first one is [`Scene::closest`]. A ray through an edge or a corner meets every triangle
     /// that has it.
@@ -149,9 +149,9 @@ impl Scene {
         &self.report
     }
 
-    /// The meshes, in the order of `geom`.
-    pub fn meshes(&self) -> impl ExactSizeIterator<Item = &Mesh> {
-        self.structure.geometries.iter().map(|geometry| &geometry.mesh)
+    /// Meshes and other shapes, in the order of `geom`.
+    pub fn shapes(&self) -> impl ExactSizeIterator<Item = &Shape> {
+        self.structure.geometries.iter().map(|geometry| &geometry.shape)
     }
 
     /// Whether both are the same snapshot, not merely equal.
@@ -202,7 +202,7 @@ impl Scene {
     }
 
     /// The corners of the triangle that was hit, in the space of its object; `None` if the hit is
-    /// not one of this scene. At time 0: see [`Scene::corners_at`].
+    /// not one of this scene, or no triangle was hit. At time 0: see [`Scene::corners_at`].
     pub fn corners(&self, hit: &Hit) -> Option<[[f32; 3]; 3]> {
         self.corners_at(hit, 0.0)
     }
@@ -210,32 +210,27 @@ impl Scene {
     /// The same at a time in `0 ..= 1`.
     pub fn corners_at(&self, hit: &Hit, time: f32) -> Option<[[f32; 3]; 3]> {
         let level = self.descend(hit.inst, time, |_, _| ())?;
-        level.geometries.get(hit.geom as usize)?.mesh.corners_at(hit.prim as usize, time)
+        level.geometries.get(hit.geom as usize)?.mesh()?.corners_at(hit.prim as usize, time)
     }
 
-    /// The unit normal of the triangle that was hit, in this scene's space: it points to the side
-    /// from which the corners run counter-clockwise. `None` if the hit is not one of this scene, or
-    /// the triangle is degenerate. At time 0: see [`Scene::normal_at`].
-    pub fn normal(&self, hit: &Hit) -> Option<[f32; 3]> {
-        self.normal_at(hit, 0.0)
-    }
-
-    /// The same at a time in `0 ..= 1`.
-    pub fn normal_at(&self, hit: &Hit, time: f32) -> Option<[f32; 3]> {
-        let [a, b, c] = self.corners_at(hit, time)?.map(|corner| corner.map(f64::from));
-        let map = self.world_from_object_at(hit.inst, time)?;
-        // In f64 neither the products of tiny edges vanish nor slivers lose their direction.
-        let edge = |to: [f64; 3]| {
-            let [x, y, z] = [to[0] - a[0], to[1] - a[1], to[2] - a[2]];
-            map.0.map(|[m0, m1, m2, _]| f64::from(m0) * x + f64::from(m1) * y + f64::from(m2) * z)
-        };
-        // The cross product of the transformed edges is right under any map; mirroring flips it.
-        let (b, c) = (edge(b), edge(c));
-        let cross =
-            [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
-        let length = libm::sqrt(cross.iter().map(|x| x * x).sum());
-        let side = if map.is_mirroring() { -1.0 } else { 1.0 };
-        (length > 0.0 && length.is_finite()).then(|| cross.map(|x| (side * x / length) as f32))
+    /// The unit normal of what `ray` hit, in this scene's space: of a triangle or a quad it points to the side
+    /// from which the corners run counter-clockwise, of a disc where its own does, of a sphere or a curve outward. `None` if the
+    /// hit is not one of this scene, or there is no normal: a degenerate triangle has none.
+    pub fn normal(&self, ray: &Ray, hit: &Hit) -> Option<[f32; 3]> {
+        let level = self.descend(hit.inst, ray.time, |_, _| ())?;
+        let shape = &level.geometries.get(hit.geom as usize)?.shape;
+        let map = self.world_from_object_at(hit.inst, ray.time)?;
+        let inverse = map.inverse_f64()?;
+        // The point, in the space of the object.
+        let world =
+            shape::along(shape::wide(ray.origin), f64::from(hit.t), shape::wide(ray.direction));
+        let point = inverse.map(|[x, y, z, w]| shape::dot([x, y, z], world) + w);
+        let upright = shape.upright(hit.prim as usize, [hit.u, hit.v], point, ray.time)?;
+        // What stands on a surface goes through the transposed inverse.
+        let column = |axis: usize| inverse.map(|row| row[axis]);
+        let normal = [0, 1, 2].map(|axis| shape::dot(column(axis), upright));
+        let length = libm::sqrt(shape::dot(normal, normal));
+        (length > 0.0 && length.is_finite()).then(|| normal.map(|x| (x / length) as f32))
     }
 
     /// Bytes that queries read: nodes, packed triangles, instances; this level and, once each, the
@@ -261,13 +256,21 @@ impl Scene {
         levels
     }
 
-    /// A triangle on the level of `inst`, chosen by two random numbers; `None` if the level has none.
+    /// A triangle on the level of `inst`, chosen by two random numbers, or one across the box of another
+    /// primitive; `None` if the level has none.
     pub(crate) fn pick_triangle(&self, inst: u64, geom: u64, prim: u64) -> Option<[[f32; 3]; 3]> {
         let level = self.descend(inst, 0.0, |_, _| ())?;
         let geom = geom.checked_rem(level.geometries.len() as u64)?;
-        let mesh = &level.geometries[geom as usize].mesh;
-        let prim = prim.checked_rem(mesh.triangles().len() as u64)?;
-        mesh.defect(prim as usize).is_none().then(|| mesh.corners(prim as usize))?
+        let shape = &level.geometries[geom as usize].shape;
+        let prim = prim.checked_rem(shape.len() as u64)? as usize;
+        if shape.defect(prim).is_some() {
+            return None;
+        }
+        let Some(mesh) = shape.mesh() else {
+            let Aabb { lo, hi } = shape.bounds(prim);
+            return Some([lo, [hi[0], lo[1], hi[2]], hi]);
+        };
+        mesh.corners(prim)
     }
 
     pub(crate) fn structure(&self) -> &Structure {

@@ -25,7 +25,7 @@ use super::{Plan, SceneError};
 use crate::bounds::Aabb;
 use crate::build::Clip;
 use crate::context::{Cancel, Cancelled, parallel};
-use crate::geometry::{Mesh, triangle};
+use crate::geometry::{Mesh, Shape, triangle};
 use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::moving::{Segment, Span, widened_way};
 use crate::layout::refit;
@@ -49,16 +49,40 @@ const CHUNK: usize = 16_384;
 /// A mesh that moves, checked.
 #[derive(Clone, Debug)]
 pub(super) struct Moving {
-    pub(super) geom: usize,
+    geom: usize,
+    /// The id of its first triangle, which is how leaves name it.
+    pub(super) first_id: u32,
     /// Its triangles without a defect.
     which: Vec<u32>,
     /// Around those at all times.
     pub(super) bounds: Aabb,
 }
 
-/// Checks and boxes a mesh.
+/// Checks and boxes the meshes that move; those without a sound triangle are left out.
 pub(super) fn gather(
-    geom: usize,
+    geometries: &[Geometry],
+    first_ids: &[u32],
+    options: &BuildOptions<'_>,
+    report: &mut BuildReport,
+) -> Result<Vec<Moving>, SceneError> {
+    let mut all = Vec::new();
+    for (geom, (geometry, &first_id)) in geometries.iter().zip(first_ids).enumerate() {
+        let Some(mesh) = geometry.mesh().filter(|mesh| mesh.is_moving()) else { continue };
+        if let Some((step, vertices)) = mesh.uneven_step() {
+            let first = mesh.positions().len();
+            return Err(SceneError::Steps { geom, step, vertices, first });
+        }
+        let moving = check((geom, first_id), mesh, options, report)?;
+        if !moving.which.is_empty() {
+            all.push(moving);
+        }
+    }
+    Ok(all)
+}
+
+/// Checks and boxes a mesh.
+fn check(
+    (geom, first_id): (usize, u32),
     mesh: &Mesh,
     options: &BuildOptions<'_>,
     report: &mut BuildReport,
@@ -89,7 +113,7 @@ pub(super) fn gather(
         }
         Ok(Checked { which, ..chunk })
     });
-    let mut all = Moving { geom, which: Vec::new(), bounds: Aabb::EMPTY };
+    let mut all = Moving { geom, first_id, which: Vec::new(), bounds: Aabb::EMPTY };
     for chunk in chunks {
         let chunk: Result<Checked, Cancelled> = chunk;
         let Checked { which, bounds, degenerate, skipped } = chunk?;
@@ -120,8 +144,10 @@ pub(super) fn build(
     options: &BuildOptions<'_>,
 ) -> Result<(), SceneError> {
     for moving in moving {
-        let Geometry { mesh, mask } = &structure.geometries[moving.geom];
-        let first_id = structure.first_ids[moving.geom];
+        let Moving { geom, first_id, .. } = *moving;
+        let Geometry { shape: Shape::Mesh(mesh), mask } = &structure.geometries[geom] else {
+            continue;
+        };
         let maker = Maker { moving, mesh, first_id, plan, options };
         let (trees, cut, repeats) = match structure.layout {
             Layout::Wide8(_) => {
@@ -138,7 +164,8 @@ pub(super) fn build(
         structure.repeats |= repeats;
         structure.moves = true;
         structure.moving.push(MovingMesh {
-            geom: moving.geom,
+            geom,
+            first_id,
             mask: *mask,
             steps: mesh.steps(),
             parts,

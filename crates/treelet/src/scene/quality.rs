@@ -7,10 +7,10 @@ use super::gather::Names;
 use crate::bounds::Aabb;
 use crate::build::{BinnedSah, BuildError, Builder, Clip, Hploc, Lbvh};
 use crate::context::Context;
-use crate::geometry::Mesh;
 use crate::geometry::clip::{clipped_bounds, least_half_area};
 use crate::layout::Collapse;
 use crate::optimize::{Optimizer, Reinsertion, TopReinsertion};
+use crate::trace::structure::Geometry;
 use crate::tree::Tree;
 use core::fmt;
 
@@ -183,8 +183,8 @@ impl fmt::Display for Plan<'_> {
 
 /// A level's triangles and instances, as splits see them.
 pub(super) struct Cuttable<'a> {
-    pub(super) meshes: &'a [(Mesh, u32)],
-    /// Of the triangles; instances come after them.
+    pub(super) geometries: &'a [Geometry],
+    /// Of the triangles; all else comes after them.
     pub(super) names: &'a Names,
     pub(super) triangles: usize,
     pub(super) bounds: &'a [Aabb],
@@ -196,7 +196,7 @@ impl Cuttable<'_> {
             return None;
         }
         let (geom, prim) = self.names.of(prim);
-        self.meshes[geom as usize].0.corners(prim as usize)
+        self.geometries[geom as usize].mesh()?.corners(prim as usize)
     }
 }
 
@@ -208,17 +208,17 @@ impl Clip for Cuttable<'_> {
         }
     }
 
-    /// Instances are not cut: to enter one twice costs more than a tighter box saves.
+    /// Only triangles are cut: to enter an instance twice costs more than a tighter box saves.
     fn least_half_area(&self, prim: u32) -> Option<f64> {
         self.corners(prim).map(|corners| least_half_area(&corners))
     }
 
-    /// The mesh; instances come after all of them.
+    /// The mesh; all else comes after all of them.
     fn group(&self, prim: u32) -> u32 {
         if (prim as usize) < self.triangles {
             self.names.of(prim).0
         } else {
-            self.meshes.len() as u32
+            self.geometries.len() as u32
         }
     }
 }

@@ -20,6 +20,8 @@ pub struct BuildReport {
     pub triangles: u64,
     /// Of these, triangles without area: kept, and never hit where they are seen as a line.
     pub degenerate: u64,
+    /// Primitives of other kinds in the tree.
+    pub others: u64,
     /// Instances in the tree.
     pub instances: u64,
     /// Instances of scenes that hold nothing: kept in the numbering, not in the tree.
@@ -47,6 +49,10 @@ pub struct Skipped {
     pub bad_vertex: u64,
     /// The first triangle skipped: mesh, triangle, what is wrong.
     pub first_triangle: Option<(usize, usize, Defect)>,
+    /// Primitives of other kinds skipped.
+    pub others: u64,
+    /// The first of them: geometry, primitive, what is wrong.
+    pub first_other: Option<(usize, usize, Defect)>,
     /// Instances skipped: their map is singular, not finite, or leads too far away.
     pub instances: u64,
     /// The first instance skipped, and what is wrong.

@@ -12,7 +12,7 @@ pub struct Counters {
     pub culled_by_t: u64,
     /// Leaves entered.
     pub leaves: u64,
-    /// Triangles tested.
+    /// Triangles tested, and primitives of other kinds.
     pub triangles: u64,
     /// Instances entered: the ray was transformed.
     pub instances: u64,

@@ -27,6 +27,8 @@ use core::ops::ControlFlow;
 pub(crate) struct MovingMesh {
     /// Its number in the level.
     pub(crate) geom: usize,
+    /// The id of its first triangle, which is how leaves name it.
+    pub(crate) first_id: u32,
     pub(crate) mask: u32,
     /// Time steps of its vertices.
     pub(crate) steps: usize,

@@ -3,6 +3,7 @@
 use super::placements::Columns;
 use super::structure::Structure;
 use crate::bounds::{Interval, SlabRay};
+use crate::geometry::shape::Local;
 use crate::geometry::triangle::{Ordinary, TriangleRay};
 use crate::math::{Ray, ray};
 use crate::simd::{Floats, Four, Simd};
@@ -50,6 +51,12 @@ impl Prepared {
         let [along_x, along_y, along_z, _] = direction.lanes();
         let (o, d) = ((origin, [x, y, z]), (direction, [along_x, along_y, along_z]));
         Self::of_lanes(simd, o, d, clip, structure)
+    }
+
+    /// This ray, of which `ray` is what it was outside, for primitives that are no triangles.
+    pub(crate) fn local(&self, ray: &Ray) -> Local<'_> {
+        let Self { origin, direction, slab, triangle, clip } = self;
+        Local { ray: Ray { origin: *origin, direction: *direction, ..*ray }, triangle, slab, clip }
     }
 
     /// Asks what [`Ray::is_valid`] asks of origin and direction, and prepares.

@@ -4,7 +4,8 @@ use super::moving::MovingMesh;
 use super::placements::Instances;
 use super::slack::Slack;
 use crate::bounds::Aabb;
-use crate::geometry::Mesh;
+use crate::geometry::shape::Local;
+use crate::geometry::{Meeting, Mesh, Shape};
 use crate::layout::compact::Compact;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Plain, Wide};
@@ -64,25 +65,33 @@ pub(crate) struct Price {
     pub(crate) areas: f64,
 }
 
-/// A mesh of a level.
+/// A mesh of a level, or primitives of another kind.
 #[derive(Clone, Debug)]
 pub(crate) struct Geometry {
-    pub(crate) mesh: Mesh,
+    pub(crate) shape: Shape,
     pub(crate) mask: u32,
 }
 
-/// One level: a tree whose leaves hold triangles and instances.
+impl Geometry {
+    pub(crate) fn mesh(&self) -> Option<&Mesh> {
+        self.shape.mesh()
+    }
+}
+
+/// One level: a tree whose leaves hold triangles, an instance, or a primitive of another kind.
 pub(crate) struct Structure {
     /// The instructions that walk it.
     pub(crate) level: Checked,
     pub(crate) geometries: Vec<Geometry>,
-    /// For each geometry, the id of its first triangle: ids number the triangles of all of them.
+    /// For each geometry, the id of its first primitive: ids number the primitives of all of them.
     pub(crate) first_ids: Vec<u32>,
+    /// Whether there are triangles only.
+    pub(crate) flat: bool,
     /// Whether every ray sees all geometries.
     pub(crate) unmasked: bool,
     /// In the caller's order.
     pub(crate) instances: Instances,
-    /// The meshes that move: leaves' entries after those of the instances.
+    /// The meshes that move, in the order of their ids.
     pub(crate) moving: Vec<MovingMesh>,
     /// Whether anything moves, here or in an instance.
     pub(crate) moves: bool,
@@ -111,7 +120,7 @@ pub(crate) struct Structure {
 }
 
 impl Structure {
-    /// The geometry and the triangle in it that an id names.
+    /// The geometry and the primitive in it that an id names.
     #[inline]
     pub(crate) fn name(&self, id: u32) -> (u32, u32) {
         let geom = match self.first_ids.as_slice() {
@@ -121,7 +130,7 @@ impl Structure {
         (geom as u32, id - self.first_ids.get(geom).copied().unwrap_or(0))
     }
 
-    /// Whether a ray with this mask sees the triangle.
+    /// Whether a ray with this mask sees the primitive.
     #[inline(always)]
     pub(crate) fn sees(&self, id: u32, mask: u32) -> bool {
         (self.unmasked && mask != 0) || self.sees_geometry(id, mask)
@@ -132,6 +141,19 @@ impl Structure {
     fn sees_geometry(&self, id: u32, mask: u32) -> bool {
         let (geom, _) = self.name(id);
         self.geometries[geom as usize].mask & mask != 0
+    }
+
+    /// The mesh that moves whose first primitive has this id: leaves hold it as a whole.
+    #[inline(always)]
+    pub(crate) fn moving(&self, id: u32) -> Option<&MovingMesh> {
+        let at = self.moving.binary_search_by_key(&id, |mesh| mesh.first_id).ok()?;
+        self.moving.get(at)
+    }
+
+    /// Where a ray first meets a primitive that is no triangle.
+    pub(crate) fn meet(&self, id: u32, local: &Local<'_>) -> Option<Meeting> {
+        let (geom, prim) = self.name(id);
+        self.geometries.get(geom as usize)?.shape.meet(prim as usize, local)
     }
 }
 

@@ -17,11 +17,11 @@
 use super::counters::Count;
 use super::descent::{Descent, pop};
 use super::instance::InstanceLeaf;
-use super::moving::{MovingLeaf, MovingMesh};
+use super::moving::MovingLeaf;
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
-use crate::geometry::block;
+use crate::geometry::{Meeting, block};
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
@@ -48,7 +48,7 @@ pub(crate) struct Found<'a> {
     pub(crate) t: f32,
     pub(crate) u: f32,
     pub(crate) v: f32,
-    /// Of the triangle, among all of its level: ordered as `(geom, prim)` is.
+    /// Of the primitive, among all of its level: ordered as `(geom, prim)` is.
     pub(crate) id: u32,
     /// Rank of the path to the level.
     pub(crate) inst: u64,
@@ -63,14 +63,6 @@ pub(super) struct Frame<'a, K: Packing<W>, const W: usize> {
     pub(super) ray: Prepared,
     /// Rank of the path to this level.
     pub(super) inst: u64,
-}
-
-impl<'a, K: Packing<W>, const W: usize> Frame<'a, K, W> {
-    /// The mesh that moves of an entry, counted from the first instance.
-    #[inline(always)]
-    fn moving(&self, at: usize) -> Option<&'a MovingMesh> {
-        self.structure.moving.get(at.wrapping_sub(self.structure.instances.len()))
-    }
 }
 
 /// Saved levels that need no allocation.
@@ -159,11 +151,23 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 break;
             }
             let at = first - frame.wide.triangles;
-            if let Some(mesh) = frame.moving(at) {
-                let Frame { structure, ray: ref prepared, inst, .. } = frame;
-                let (visitor, counters) = (&mut *visitor, &mut *counters);
-                let leaf = MovingLeaf { structure, mesh, prepared, inst, ray, visitor, counters };
-                if simd.call(leaf).is_break() {
+            if let Some(id) = at.checked_sub(frame.structure.instances.len()) {
+                if let Some(mesh) = frame.structure.moving(id as u32) {
+                    let Frame { structure, ray: ref prepared, inst, .. } = frame;
+                    let (visitor, counters) = (&mut *visitor, &mut *counters);
+                    let leaf =
+                        MovingLeaf { structure, mesh, prepared, inst, ray, visitor, counters };
+                    if simd.call(leaf).is_break() {
+                        return;
+                    }
+                    next = pop(visitor.t_max(), &mut stack, counters);
+                    continue;
+                }
+                counters.leaf(1);
+                if let Some(found) = other(&frame, id as u32, ray)
+                    && found.t <= visitor.t_max()
+                    && visitor.hit(found).is_break()
+                {
                     return;
                 }
                 next = pop(visitor.t_max(), &mut stack, counters);
@@ -185,6 +189,21 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             next = pop(visitor.t_max(), &mut stack, counters);
         }
     }
+}
+
+/// The hit with a primitive that is no triangle. Out of line, and compiled once for all walks through a layout.
+#[inline(never)]
+fn other<'a, K: Packing<W>, const W: usize>(
+    frame: &Frame<'a, K, W>,
+    id: u32,
+    ray: &Ray,
+) -> Option<Found<'a>> {
+    let Frame { structure, inst, .. } = *frame;
+    if !structure.sees(id, ray.mask) {
+        return None;
+    }
+    let Meeting { t, u, v } = structure.meet(id, &frame.ray.local(ray))?;
+    Some(Found { t, u, v, id, inst, structure })
 }
 
 /// Shows the visitor the hits with the triangles of a leaf.

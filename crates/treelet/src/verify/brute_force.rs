@@ -1,5 +1,5 @@
-//! The definition of every answer: test each triangle, visit no tree, look at no box but the
-//! triangle's own and those of the instances on the way to it, all as they are at the ray's time.
+//! The definition of every answer: test each primitive, visit no tree, look at no box but the
+//! primitive's own and those of the instances on the way to it, all as they are at the ray's time.
 //!
 //! Cost: about 2 ns a triangle and ray on one core. Blocks of triangles are sheared and tested side
 //! by side, written so that the compiler can use SIMD; whatever that does not certainly reject goes
@@ -8,12 +8,12 @@
 //! [`TriangleRay::hit`]: crate::geometry::TriangleRay::hit
 
 use crate::bounds::Interval;
-use crate::geometry::{Hit, TriangleRay};
+use crate::geometry::{Hit, Meeting, TriangleRay};
 use crate::math::Ray;
 use crate::scene::Scene;
 use crate::simd::Scalar;
 use crate::trace::prepared::Prepared;
-use crate::trace::structure::Structure;
+use crate::trace::structure::{Geometry, Structure};
 use alloc::collections::BTreeMap;
 use alloc::vec::Vec;
 
@@ -23,22 +23,15 @@ const LANES: usize = 16;
 /// A scene without its trees.
 pub struct BruteForce<'a> {
     scene: &'a Scene,
-    /// By address of a level: its triangles, straight from its meshes.
-    levels: BTreeMap<usize, Triangles>,
+    /// By address of a level: its primitives, straight from its geometries.
+    levels: BTreeMap<usize, Content>,
 }
 
-/// The triangles of a level.
-struct Triangles {
-    blocks: Vec<Block>,
-    /// `(geom, prim)` of those of meshes that move.
-    moving: Vec<(u32, u32)>,
-}
-
-impl Triangles {
-    fn len(&self) -> u64 {
-        let standing = self.blocks.iter().map(|block| block.names.len() as u64).sum::<u64>();
-        standing + self.moving.len() as u64
-    }
+/// What is on a level.
+struct Content {
+    triangles: Vec<Block>,
+    /// `(geom, prim)` of what is no triangle, or moves.
+    others: Vec<(u32, u32)>,
 }
 
 /// Some triangles of one level, side by side.
@@ -59,7 +52,7 @@ impl<'a> BruteForce<'a> {
     /// Gathers every triangle without defect of every level. Copies them: 44 bytes each.
     pub fn new(scene: &'a Scene) -> Self {
         let levels = scene.levels();
-        let levels = levels.iter().map(|level| (address(level), triangles(level))).collect();
+        let levels = levels.iter().map(|level| (address(level), Content::new(level))).collect();
         Self { scene, levels }
     }
 
@@ -129,24 +122,23 @@ impl<'a> BruteForce<'a> {
         hits: &mut Vec<Hit>,
     ) {
         let range = Interval { entry: ray.t_min, exit: ray.t_max };
-        let Triangles { blocks, moving } = &self.levels[&address(level)];
-        let Prepared { triangle, slab, clip, .. } = prepared;
-        for &(geom, prim) in moving {
-            let geometry = &level.geometries[geom as usize];
-            let corners = geometry.mesh.corners_at(prim as usize, ray.time);
-            let (Some(corners), true) = (corners, geometry.mask & ray.mask != 0) else { continue };
-            if let Some(meeting) = triangle.hit(&corners, slab, clip, &range) {
-                let (t, u, v) = (meeting.t, meeting.u, meeting.v);
+        for &(geom, prim) in &self.levels[&address(level)].others {
+            let Geometry { shape, mask } = &level.geometries[geom as usize];
+            if mask & ray.mask == 0 {
+                continue;
+            }
+            if let Some(Meeting { t, u, v }) = shape.meet(prim as usize, &prepared.local(ray)) {
                 hits.push(Hit { t, u, v, prim, geom, inst });
             }
         }
-        for block in blocks {
+        for block in &self.levels[&address(level)].triangles {
             let undecided = block.undecided(&prepared.triangle);
             for (lane, &(geom, prim)) in block.names.iter().enumerate() {
                 if !undecided[lane] || level.geometries[geom as usize].mask & ray.mask == 0 {
                     continue;
                 }
                 let corners = block.triangle(lane);
+                let Prepared { triangle, slab, clip, .. } = prepared;
                 if let Some(meeting) = triangle.hit(&corners, slab, clip, &range) {
                     let (t, u, v) = (meeting.t, meeting.u, meeting.v);
                     hits.push(Hit { t, u, v, prim, geom, inst });
@@ -167,22 +159,28 @@ struct Named {
     name: (u32, u32),
 }
 
-fn triangles(level: &Structure) -> Triangles {
-    let (mut triangles, mut moving) = (Vec::new(), Vec::new());
-    for (geometry, geom) in level.geometries.iter().zip(0..) {
-        let mesh = &geometry.mesh;
-        for prim in 0..mesh.triangles().len() {
-            if mesh.defect(prim).is_none() {
+impl Content {
+    fn new(level: &Structure) -> Self {
+        let (mut triangles, mut others) = (Vec::new(), Vec::new());
+        for (Geometry { shape, .. }, geom) in level.geometries.iter().zip(0..) {
+            for prim in (0..shape.len()).filter(|&prim| shape.defect(prim).is_none()) {
                 let name = (geom, prim as u32);
-                if mesh.is_moving() {
-                    moving.push(name);
-                    continue;
+                match shape.mesh() {
+                    Some(mesh) if !mesh.is_moving() => {
+                        triangles.extend(mesh.corners(prim).map(|corners| Named { corners, name }));
+                    }
+                    _ => others.push(name),
                 }
-                triangles.extend(mesh.corners(prim).map(|corners| Named { corners, name }));
             }
         }
+        Self { triangles: triangles.chunks(LANES).map(Block::new).collect(), others }
     }
-    Triangles { blocks: triangles.chunks(LANES).map(Block::new).collect(), moving }
+
+    /// Tests that a ray costs.
+    fn len(&self) -> u64 {
+        let triangles: usize = self.triangles.iter().map(|block| block.names.len()).sum();
+        (triangles + self.others.len()) as u64
+    }
 }
 
 impl Block {

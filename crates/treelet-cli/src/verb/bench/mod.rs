@@ -2,6 +2,7 @@
 
 mod figure;
 mod flags;
+mod motion;
 mod page;
 mod pages;
 mod peaks;
@@ -37,6 +38,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         pages::allow()?;
     } else {
         pages::forbid();
+    }
+    if let Some(speed) = flags.moving {
+        return motion::run(speed, &flags, session);
     }
     if flags.figure.figure {
         return figure::run(&flags, session);

@@ -192,7 +192,7 @@ fn own_rays(scene: &Scene, count: usize, cancel: &Cancel) -> Result<Vec<Ray>, Ca
         let line = Ray::new(from, vec3::sub(inside(3), from));
         // A line that meets nothing is a ray to come as good as any.
         let leaving = scene.closest(&line).and_then(|hit| {
-            let normal = scene.normal(&hit)?;
+            let normal = scene.normal(&line, &hit)?;
             let side = if vec3::dot(normal, line.direction) > 0.0 { -1.0 } else { 1.0 };
             let normal = vec3::scale(normal, side);
             let around = vec3::normalize([6, 7, 8].map(|axis| 2.0 * spread(axis) - 1.0))?;

@@ -7,8 +7,8 @@ use super::{Action, Commit, DECAY_MAX, Edit, Reason, Update};
 use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::{Cancel, parallel};
-use crate::geometry::Mesh;
 use crate::geometry::mesh::COORDINATE_MAX;
+use crate::geometry::{Mesh, Shape};
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::Packed;
 use crate::layout::refit::{self, Content, Refitted, refit};
@@ -39,7 +39,7 @@ impl Edit {
         let done = |scene, action, reason, decay| {
             Ok(Commit { scene, action, reason, decay, time: watch.elapsed() })
         };
-        if self.meshes.is_empty() && self.instances.is_empty() {
+        if self.geometries.is_empty() && self.instances.is_empty() {
             return done(self.before, Action::Kept, Reason::Unchanged, 1.0);
         }
         let reason = match self.update {
@@ -63,18 +63,14 @@ impl Edit {
             (None, before) => before.map(Placed::again),
         };
         let instances = (0..self.counts[1]).filter_map(placed).collect();
-        let meshes = self.geometries().into_iter().map(|it| (it.mesh, it.mask)).collect();
-        SceneBuilder { meshes, instances }
+        SceneBuilder { geometries: self.geometries(), instances }
     }
 
-    /// The meshes as they are to be.
+    /// Meshes and other shapes as they are to be.
     fn geometries(&self) -> Vec<Geometry> {
         let before = &self.before.structure.geometries;
-        let mesh = |geom: usize| match (self.meshes.get(&geom), before.get(geom)) {
-            (Some((mesh, mask)), _) => Some(Geometry { mesh: mesh.clone(), mask: *mask }),
-            (None, before) => before.cloned(),
-        };
-        (0..self.counts[0]).filter_map(mesh).collect()
+        let geometry = |geom: usize| self.geometries.get(&geom).or(before.get(geom)).cloned();
+        (0..self.counts[0]).filter_map(geometry).collect()
     }
 
     /// The instances as they are to be: blocks without a change stay.
@@ -93,26 +89,35 @@ impl Edit {
         blocks.map(part).collect()
     }
 
-    /// Whether the vertices of a mesh are elsewhere, or it has other triangles; or why the tree
+    /// Whether primitives are elsewhere; or why the tree
     /// cannot stay.
     fn reshaped(&self) -> Result<bool, Reason> {
         let before = &self.before.structure;
         if self.counts != [before.geometries.len(), before.instances.len()] {
             return Err(Reason::Different);
         }
-        let is_moving = self.meshes.values().any(|(mesh, _)| mesh.is_moving());
+        let moves = |it: &Geometry| it.mesh().is_some_and(Mesh::is_moving);
+        let is_moving = self.geometries.values().any(moves);
         if is_moving || !before.moving.is_empty() {
             return Err(Reason::Moving);
         }
         let mut reshaped = false;
-        for (&geom, (mesh, _)) in &self.meshes {
-            let old = &before.geometries[geom].mesh;
-            if old.triangles().len() != mesh.triangles().len() {
+        for (&geom, Geometry { shape, .. }) in &self.geometries {
+            let old = &before.geometries[geom].shape;
+            if old.kind() != shape.kind() || old.len() != shape.len() {
                 return Err(Reason::Different);
             }
-            reshaped |= !old.is_same(mesh);
+            if old.is_same(shape) {
+                continue;
+            }
+            reshaped = true;
+            // Triangles are looked at where they are fetched.
+            if shape.mesh().is_none() && has_defects(shape) {
+                return Err(Reason::Unfit);
+            }
         }
-        if reshaped && self.before.report.skipped.triangles > 0 {
+        let skipped = &self.before.report.skipped;
+        if reshaped && skipped.triangles + skipped.others > 0 {
             return Err(Reason::Unfit);
         }
         Ok(reshaped)
@@ -145,12 +150,18 @@ impl Edit {
         };
 
         // Mend the boxes: all of them, or those that few instances are in.
-        let instance = |at: usize| placements.instances.at(at).bounds();
+        let single = |number: usize| match number.checked_sub(placements.instances.len()) {
+            None => placements.instances.at(number).bounds(),
+            Some(id) => {
+                let (geom, prim) = before.name(id as u32);
+                geometries[geom as usize].shape.bounds(prim as usize)
+            }
+        };
         let price = before.price.unwrap_or_else(|| price(&before.layout, &before.bounds));
         let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
         let touched = if few {
             let moved = |at: usize| moved.binary_search(&at).is_ok();
-            touched(&before.layout, (before.bounds, price.areas), moved, instance)?
+            touched(&before.layout, (before.bounds, price.areas), moved, single)?
         } else {
             None
         };
@@ -160,7 +171,7 @@ impl Edit {
             let fetch = |ids: &[u32], packed: &mut [Packed]| {
                 Moved { geometries: &geometries, before }.fetch(ids, packed)
             };
-            let content = Content { triangles: &fetch, instance: &instance };
+            let content = Content { triangles: &fetch, instance: &single };
             sweep(&before.layout, &content, &options.context.cancel)?
         };
         let Some(swept) = swept else { return Ok(Err(Reason::Unfit)) };
@@ -326,13 +337,13 @@ impl Moved<'_> {
     /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
     /// Whether all triangles are fit for a scene.
     fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
-        if let [Geometry { mesh, .. }] = self.geometries {
+        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
             return fetch_of(mesh, ids, packed);
         }
         let mut fit = true;
         for (&id, packed) in ids.iter().zip(packed) {
             let (geom, prim) = self.before.name(id);
-            let mesh = &self.geometries[geom as usize].mesh;
+            let Shape::Mesh(mesh) = &self.geometries[geom as usize].shape else { return false };
             fit &= mesh.defect(prim as usize).is_none();
             *packed = Packed { corners: mesh.corners(prim as usize).unwrap_or_default(), id };
         }
@@ -358,17 +369,24 @@ fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
     fit
 }
 
-/// Around all triangles that are fit for a scene.
+/// Whether a primitive is not fit for a scene.
+fn has_defects(shape: &Shape) -> bool {
+    let chunks = (0..shape.len()).step_by(CHUNK).collect();
+    let found = parallel::map(chunks, |first: usize| {
+        (first..shape.len().min(first + CHUNK)).any(|prim| shape.defect(prim).is_some())
+    });
+    found.contains(&true)
+}
+
+/// Around all primitives that are fit for a scene.
 fn bounds_of(geometries: &[Geometry]) -> Aabb {
-    let of_chunk = |mesh: &Mesh, first: usize, count: usize| {
-        let sound = (first..first + count).filter(|&prim| mesh.defect(prim).is_none());
-        let corners = sound.filter_map(|prim| mesh.corners(prim));
-        corners.fold(Aabb::EMPTY, |all, corners| all.union(&Aabb::of_points(&corners)))
-    };
     let mut all = Aabb::EMPTY;
-    for Geometry { mesh, .. } in geometries {
-        let chunks = parallel::map_chunks(mesh.triangles(), CHUNK, |first, triangles| {
-            of_chunk(mesh, first, triangles.len())
+    for Geometry { shape, .. } in geometries {
+        let chunks = (0..shape.len()).step_by(CHUNK).collect();
+        let chunks = parallel::map(chunks, |first: usize| {
+            let chunk = first..shape.len().min(first + CHUNK);
+            let sound = chunk.filter(|&prim| shape.defect(prim).is_none());
+            sound.fold(Aabb::EMPTY, |all, prim| all.union(&shape.bounds(prim)))
         });
         all = chunks.iter().fold(all, |all, chunk| all.union(chunk));
     }

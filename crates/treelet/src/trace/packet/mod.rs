@@ -92,8 +92,8 @@ impl<'a, A: Answers<'a>> Walk<'a, '_, A> {
     #[inline(always)]
     fn finish(&mut self) {
         let structure = self.structure;
-        // Without instances nothing was written before, not even misses.
-        let flat = structure.instances.is_empty();
+        // Without anything but triangles nothing was written before, not even misses.
+        let flat = structure.flat;
         for packet in self.group.packets.iter().take(self.group.count) {
             for lane in 0..packet.len.min(RAYS) {
                 let (t, id) = (packet.columns[T_MAX][lane], packet.id[lane]);
@@ -140,7 +140,7 @@ pub(crate) fn run<'a, K, S, A, const W: usize>(
     }
     group.bundles.sort(simd, run);
     let partly = group.bundles.bundled < run.len();
-    if partly || !structure.instances.is_empty() || !A::NEAREST_FIRST {
+    if partly || !structure.flat || !A::NEAREST_FIRST {
         answers.clear(first..end);
     }
     if partly {
