@@ -497,3 +497,41 @@ fn edits_keep_what_moves() {
     assert_eq!(commit.scene.segments().len(), 2);
     hold("turned", &commit.scene, &rays(&commit.scene, 300, SEED));
 }
+
+/// Instances that fly: trees for parts of the time change no bit, and pay.
+#[test]
+fn trees_for_parts_of_the_time_change_no_bit_and_pay() {
+    let soup = Scene::builder().mesh(mesh(&closed::sphere(8, 4)));
+    for &layout in LayoutChoice::ALL {
+        let options = BuildOptions { layout: Some(layout), ..BuildOptions::default() };
+        let inner = soup.clone().build(&options).unwrap();
+        let mut noise = Noise::new(SEED);
+        let crowd = (0..150).fold(Scene::builder(), |crowd, _| {
+            let [from, to] = [noise.point(-60.0, 60.0), noise.point(-60.0, 60.0)];
+            let turned = |at: [f32; 3], angle: f32| {
+                Affine::translation(at).then_from(&Affine::rotation([0.1, 1.0, 0.2], angle))
+            };
+            crowd.instance_moving(&inner, &[turned(from, 0.0), turned(to, 3.0), turned(from, 1.0)])
+        });
+        let built = |temporal_splits| {
+            crowd.clone().build(&BuildOptions { temporal_splits, ..options.clone() }).unwrap()
+        };
+        let (with, without) = (built(true), built(false));
+        assert_eq!(without.spans(), 1);
+        assert!((4..=SEGMENTS_MAX).contains(&with.spans()), "{} spans", with.spans());
+        let mut work = [treelet::Counters::default(); 2];
+        let rays = rays(&with, rounds(500), SEED);
+        for ray in &rays {
+            let hits = [with.closest(ray), without.closest(ray)];
+            assert_eq!(format!("{:?}", hits[0]), format!("{:?}", hits[1]), "{ray:?}");
+            with.closest_counted(ray, &mut work[0]);
+            without.closest_counted(ray, &mut work[1]);
+        }
+        hold("crowd", &with, &rays);
+        let [with, without] = work.map(|work| work.nodes);
+        assert!(
+            2 * with < without,
+            "{with} nodes with trees for parts of the time, {without} without"
+        );
+    }
+}

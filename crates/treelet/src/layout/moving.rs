@@ -162,26 +162,24 @@ impl<const W: usize> Segment<W> {
         size_of_val(&*self.nodes) + size_of_val(&*self.deltas) + words
     }
 
-    /// A leaf, `along` from the step `after` the first to the next one.
+    /// A leaf at the step `after` the first and at the next one.
     #[inline(always)]
-    pub(crate) fn leaf(&self, first: usize, after: usize, along: f32) -> Block {
-        mixed::<W>(&self.words, first, after, along)
+    pub(crate) fn leaf(&self, first: usize, after: usize) -> [&Block; 2] {
+        let words = |after: usize| self.words.get(after).map_or(&[][..], |words| words);
+        let next = if after + 1 < self.words.len() { after + 1 } else { after };
+        [words(after), words(next)].map(|words| <Plain as Packing<W>>::leaf(words, first))
     }
 }
 
-/// A leaf as it is between two steps: corners as [`between`] has them, ids as they are.
+/// A leaf as it is between two steps; its ids mean nothing.
 #[inline(always)]
 fn mixed<const W: usize>(words: &[Pages<f32>], first: usize, after: usize, along: f32) -> Block {
     let last = words.len() - 1;
     let before = <Plain as Packing<W>>::leaf(&words[after.min(last)], first);
-    if along == 0.0 {
-        return *before;
-    }
     let then = <Plain as Packing<W>>::leaf(&words[(after + 1).min(last)], first);
     let mut block = [0.0; BLOCK_WORDS];
     for word in 0..BLOCK_WORDS {
-        // Ids are the same in both, and so between.
-        block[word] = before[word] + along * (then[word] - before[word]);
+        block[word] = between(before[word], then[word], along);
     }
     block
 }

@@ -47,10 +47,11 @@ impl Moment {
     }
 }
 
-/// A coordinate between two steps: `a + along (b - a)`, f32, unfused; `a` itself at its step.
+/// A coordinate between two steps: `a + along (b - a)`, f32, unfused. At its step that is `a` (of a zero the sign may
+/// change).
 #[inline(always)]
 pub(crate) fn between(a: f32, b: f32, along: f32) -> f32 {
-    if along == 0.0 { a } else { a + along * (b - a) }
+    a + along * (b - a)
 }
 
 /// An affine map in f64: three rows of `[m0, m1, m2, b]`.

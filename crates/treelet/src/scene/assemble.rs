@@ -8,6 +8,7 @@ use super::moving::{self, Moving};
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
+use super::travel;
 use super::{Plan, Quality, Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
@@ -138,6 +139,7 @@ impl Gathered {
             Content { geometries, first_ids, placements: Placements { instances, ..*placements } };
         let mut structure = finish(content, prims, &tree, plan.collapse, options, again)?;
         moving::build(&mut structure, moving, plan, options)?;
+        travel::split(&mut structure, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
@@ -255,6 +257,7 @@ impl Level {
             first_ids,
             moves: instances.blocks.iter().any(|block| block.moves),
             moving: Vec::new(),
+            spans: Vec::new(),
             instances,
             layout,
             bounds,
@@ -349,5 +352,6 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 pub(super) fn level_bytes(level: &Structure) -> u64 {
     let instances = size_of::<Instance>() * level.instances.len();
     let moving = level.moving.iter().map(MovingMesh::bytes).sum::<usize>();
-    (level.layout.bytes() + instances + moving) as u64
+    let spans = level.spans.iter().map(Layout::bytes).sum::<usize>();
+    (level.layout.bytes() + spans + instances + moving) as u64
 }

@@ -78,8 +78,8 @@ pub struct BuildOptions<'a> {
     /// The packed form of the tree; by default what is best for `level`. A scene and those placed
     /// into it must agree.
     pub layout: Option<LayoutChoice>,
-    /// Whether meshes that move may have several trees, each for a part of the time, where that makes rays cheaper: at most
-    /// [`SEGMENTS_MAX`](super::SEGMENTS_MAX) for each.
+    /// Whether meshes that move, and scenes of nothing but instances of which some move, may have several trees, each for a
+    /// part of the time, where that makes rays cheaper: at most [`SEGMENTS_MAX`](super::SEGMENTS_MAX) for each.
     pub temporal_splits: bool,
     /// Some of the rays to come: for [`Quality::Rays`] and [`Quality::Auto`], which otherwise make their own.
     pub pilot: Pilot<'a>,

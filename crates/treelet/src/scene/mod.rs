@@ -164,6 +164,11 @@ impl Scene {
         self.structure.moves
     }
 
+    /// Parts of the time for which this scene has trees of its own, where instances move; 1 if it has one for all.
+    pub fn spans(&self) -> usize {
+        self.structure.spans.len().max(1)
+    }
+
     /// Segments of time, and so trees, of each mesh that moves, with its `geom`.
     pub fn segments(&self) -> impl ExactSizeIterator<Item = (usize, usize)> {
         self.structure.moving.iter().map(|mesh| (mesh.geom, mesh.segments()))

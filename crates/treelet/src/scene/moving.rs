@@ -9,14 +9,14 @@
 //! Boxes that move along lines over a segment are larger than boxes at a moment: by what vertices leave lines, and
 //! because triangles that were neighbours in the middle part. Either way, what the nodes' areas come to in the mean
 //! over the segment, over what they come to in its middle, says what is lost; where that is more than
-//! [`LOST_MAX`], there are twice as many segments, as long as each doubling takes [`GAIN_MIN`] off the mean
+//! [`LOST_MAX`], twice as many segments are tried, again and again, and kept where they take [`GAIN_MIN`] off the mean
 //! areas, up to [`SEGMENTS_MAX`]. Nodes and deltas are there once for each segment; triangles once a step, and once more
 //! for each segment where it begins inside.
 //!
 //! A segment is no longer than it must be and may be a part of a step: between two steps the boxes are good
 //! at any time, but which triangles belong together changes.
 //!
-//! Cost: all trees that are tried, which are less than twice those that are kept.
+//! Cost: all trees that are tried, which are less than twice those that are kept, or eight times where none gain.
 
 use super::builder::{BuildOptions, Invalid};
 use super::gather::skip;
@@ -41,7 +41,10 @@ pub const SEGMENTS_MAX: usize = 32;
 const LOST_MAX: f64 = 1.1;
 
 /// What doubling the segments must take off the mean areas to be kept.
-const GAIN_MIN: f64 = 0.1;
+pub(super) const GAIN_MIN: f64 = 0.1;
+
+/// Doublings in a row that may gain nothing: what comes and goes is in the same boxes in both halves.
+const VAIN_MAX: usize = 2;
 
 /// Triangles that one task checks.
 const CHUNK: usize = 16_384;
@@ -225,16 +228,18 @@ impl Maker<'_> {
         let last = self.mesh.steps() - 1;
         let whole = Cut { parts: 1, strides: last as u32 };
         let mut best = self.attempt::<W>(whole)?;
-        while self.options.temporal_splits && best.mean > LOST_MAX * best.middle {
-            let cut = best.cut.halved();
-            if cut.spans(last).len() > SEGMENTS_MAX {
-                break;
-            }
+        let (mut cut, mut vain) = (whole.halved(), 0);
+        while self.options.temporal_splits
+            && best.mean > LOST_MAX * best.middle
+            && vain < VAIN_MAX
+            && cut.spans(last).len() <= SEGMENTS_MAX
+        {
             let tried = self.attempt(cut)?;
-            if tried.mean > (1.0 - GAIN_MIN) * best.mean {
-                break;
+            vain += 1;
+            if tried.mean <= (1.0 - GAIN_MIN) * best.mean {
+                (best, vain) = (tried, 0);
             }
-            best = tried;
+            cut = cut.halved();
         }
         Ok((best.segments, best.cut, best.repeats))
     }
@@ -290,7 +295,7 @@ impl Maker<'_> {
 }
 
 /// Boxes of what moves are not cut: their parts move, too.
-struct Whole<'a>(&'a [Aabb]);
+pub(super) struct Whole<'a>(pub(super) &'a [Aabb]);
 
 impl Clip for Whole<'_> {
     fn clip(&self, prim: u32, region: &Aabb) -> Aabb {

@@ -65,7 +65,7 @@ where
             return false;
         };
         // Building refuses instances of another layout.
-        let Some(wide) = structure.layout.get() else { return false };
+        let Some(wide) = structure.layout_at(ray.time).get() else { return false };
         counters.instance();
         let inst = frame.inst + instance.rank;
         frames.push(*frame);

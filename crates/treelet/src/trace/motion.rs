@@ -72,6 +72,16 @@ impl Motion {
         widened_way(&all)
     }
 
+    /// Around it from one time to another, both in `0 ..= 1`: planes move along lines between the samples, so the ends and the
+    /// samples between them are all that matters.
+    pub(crate) fn during(&self, [from, to]: [f32; 2]) -> Aabb {
+        let place = |time: f32| Moment::new(time, self.path.steps()).place * self.parts as f32;
+        let inner = place(from) as usize + 1..=place(to) as usize;
+        let ends = self.bounds(from).union(&self.bounds(to));
+        let samples = inner.filter_map(|sample| self.boxes.get(sample));
+        widened_way(&samples.fold(ends, |all, bounds| all.union(bounds)))
+    }
+
     /// Around it at a time, as an instance's corners.
     #[inline(never)]
     pub(crate) fn corners(&self, time: f32) -> [[f32; 4]; 2] {

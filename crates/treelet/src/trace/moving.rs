@@ -11,7 +11,8 @@ use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::Structure;
 use super::walk::{Found, Visitor};
-use crate::geometry::block;
+use crate::bounds::SlabRay;
+use crate::geometry::block::{self, MovingTest};
 use crate::layout::moving::Segment;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Plain};
@@ -68,6 +69,50 @@ impl MovingMesh {
     }
 }
 
+/// The way from a node to the next leaf, as [`super::descent`] has it where nothing moves.
+struct Way<'w, 's, P, C, const W: usize> {
+    segment: &'w Segment<W>,
+    /// Steps since the segment began.
+    passed: f32,
+    slab: &'w SlabRay,
+    range: (f32, f32),
+    stack: &'w mut Stack<'s, P, STACK_NEAR>,
+    counters: &'w mut C,
+    next: Child,
+}
+
+macro_rules! ways {
+    ($($width:literal)*) => {
+        $(impl<P: Order, C: Count> Kernel for Way<'_, '_, P, C, $width> {
+            type Output = Child;
+
+            #[inline(always)]
+            fn run<S: Simd>(self, simd: S) -> Child {
+                let Self { segment, passed, slab, range, stack, counters, mut next } = self;
+                let lanes = Lanes::<<S as Wide<$width>>::F>::new(simd, slab);
+                let splat = |x: f32| <S as Wide<$width>>::F::splat(simd, x);
+                let (passed, t_min, limit) = (splat(passed), splat(range.0), splat(range.1));
+                while next.is_inner() && !stack.is_tight::<$width>() {
+                    let at = next.0 as usize;
+                    let (node, deltas) = (segment.nodes.get(at), segment.deltas.get(at));
+                    let (Some(node), Some(deltas)) = (node, deltas) else { return Child::NONE };
+                    counters.node();
+                    let (mask, entry) =
+                        lanes.test_moving(simd, node, deltas, passed, t_min, limit);
+                    next = if mask == 0 {
+                        pop(range.1, stack, counters)
+                    } else {
+                        P::spread::<S, $width>(simd, &node.children, mask, entry, stack)
+                    };
+                }
+                next
+            }
+        })*
+    };
+}
+
+ways! { 8 16 }
+
 /// The walk through a mesh that moves; says whether to go on.
 pub(super) struct MovingLeaf<'a, 'd, V, C> {
     /// The level that the mesh is on.
@@ -111,32 +156,22 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
         simd: S,
         segment: &Segment<W>,
         moment: Moment,
-    ) -> ControlFlow<()> {
+    ) -> ControlFlow<()>
+    where
+        for<'w, 's> Way<'w, 's, V::Pending, C, W>: Kernel<Output = Child>,
+    {
         let Self { structure, prepared, inst, ray, visitor, counters, .. } = self;
-        let lanes = Lanes::<S::F>::new(simd, &prepared.slab);
-        let t_min = S::F::splat(simd, ray.t_min);
-        let mut limit = S::F::splat(simd, visitor.t_max());
-        let passed = S::F::splat(simd, moment.place - segment.start);
+        let passed = moment.place - segment.start;
         let after = moment.step - segment.step.min(moment.step);
 
         let mut stack = Room::<V::Pending, STACK_NEAR>::new();
         let mut stack = Stack::new(&mut stack);
         let mut next = segment.root;
         loop {
-            // To the next leaf.
-            while next.is_inner() && !stack.is_tight::<W>() {
-                let at = next.0 as usize;
-                let (Some(node), Some(deltas)) = (segment.nodes.get(at), segment.deltas.get(at))
-                else {
-                    return ControlFlow::Continue(());
-                };
-                counters.node();
-                let (mask, entry) = lanes.test_moving(simd, node, deltas, passed, t_min, limit);
-                next = if mask == 0 {
-                    pop(visitor.t_max(), &mut stack, counters)
-                } else {
-                    V::Pending::spread::<S, W>(simd, &node.children, mask, entry, &mut stack)
-                };
+            if next.is_inner() {
+                let (stack, counters) = (&mut stack, &mut *counters);
+                let (slab, range) = (&prepared.slab, (ray.t_min, visitor.t_max()));
+                next = simd.call(Way { segment, passed, slab, range, stack, counters, next });
             }
             let (first, count) = match next.kind() {
                 ChildKind::Leaf { first, count } => (first, count),
@@ -153,11 +188,10 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
 
             // Its triangles, where they are now.
             counters.leaf(count);
-            let leaf = segment.leaf(first, after, moment.along);
-            let (t_range, rays) =
-                ((ray.t_min, visitor.t_max()), (&prepared.triangle, &prepared.slab));
-            let hits =
-                <Plain as Packing<W>>::hits(simd, &leaf, count, rays, &prepared.clip, t_range);
+            let leaf = segment.leaf(first, after);
+            let (range, rays) =
+                ((ray.t_min, visitor.t_max(), moment.along), (&prepared.triangle, &prepared.slab));
+            let hits = simd.apply::<MovingTest<'_, _>>((&leaf, count), rays, &prepared.clip, range);
             let mut mask = hits.mask;
             while mask != 0 {
                 let lane = mask.trailing_zeros() as usize % block::LANES;
@@ -167,10 +201,9 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
                 if t > visitor.t_max() {
                     continue;
                 }
-                let id = <Plain as Packing<W>>::id(&leaf, count, lane);
+                let id = <Plain as Packing<W>>::id(leaf[0], count, lane);
                 visitor.hit(Found { t, u, v, id, inst, structure })?;
             }
-            limit = S::F::splat(simd, visitor.t_max());
             next = pop(visitor.t_max(), &mut stack, counters);
         }
     }

@@ -83,7 +83,7 @@ pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
+    let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
     walk_from::<K, S, V, C, W>(simd, structure, prepared, wide.root, ray, visitor, counters);
 }
@@ -106,7 +106,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
+    let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut frames = Room::<Frame<'_, K, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
