@@ -4,13 +4,12 @@
 //! part of the scene's diagonal. The rays are those of the scene that stands, at random times, one a call on one
 //! thread. Each round traces each kind of rays through everything in turn; ratios are medians of rounds.
 
-use std::time::Instant;
-
 use serde::Serialize;
 use treelet::memory::Array;
 use treelet::verify::Random;
 use treelet::{Affine, BuildOptions, Counters, Mesh, Ray, Scene};
 
+use crate::crew::{Clock, Stopwatch};
 use crate::engine::{Answer, Built, Call, Engine, EngineError, Question, Triangles};
 use crate::rays::{Kind, RaySource};
 use crate::rivals::{embree, treelet as own};
@@ -27,6 +26,8 @@ pub struct Plan {
     pub rays: usize,
     /// Rounds in which everything takes its turn.
     pub rounds: usize,
+    /// What they are timed with.
+    pub clock: Clock,
 }
 
 /// A scene's result.
@@ -104,7 +105,7 @@ pub fn moved(
     let moving = in_motion(still, speed);
     let source = own::scene(own::default_variant(), still)?;
     let up = subject.up.unwrap_or(1);
-    let rays = RaySource::new(&source, still, up, plan.rays);
+    let rays = RaySource::new(&source, up, plan.rays);
     let mut built: Vec<(String, String, [Box<dyn Built>; 2])> = Vec::new();
     for engine in engines {
         engine.prepare(1)?;
@@ -130,7 +131,7 @@ pub fn moved(
         for round in 0..=plan.rounds {
             for (passes, times) in passes.iter_mut().zip(&mut times) {
                 for (pass, times) in passes.iter_mut().zip(times) {
-                    let clock = Instant::now();
+                    let clock = Stopwatch::start(plan.clock);
                     pass.trace();
                     // The first round warms up.
                     if round > 0 {
@@ -195,7 +196,7 @@ pub fn propeller(plan: &Plan) -> Result<Propeller, EngineError> {
     let mesh = blades(STEPS);
     let triangles = mesh.triangles().len();
     let build = |temporal_splits| {
-        let clock = Instant::now();
+        let clock = Stopwatch::start(plan.clock);
         let options = BuildOptions { temporal_splits, ..BuildOptions::default() };
         let scene = Scene::builder().mesh(mesh.clone()).build(&options);
         let scene = scene.map_err(|error| EngineError::Refused(error.to_string()))?;
@@ -220,7 +221,7 @@ pub fn propeller(plan: &Plan) -> Result<Propeller, EngineError> {
     let mut times = [Vec::new(), Vec::new()];
     for round in 0..=plan.rounds {
         for (scene, times) in [&with, &without].into_iter().zip(&mut times) {
-            let clock = Instant::now();
+            let clock = Stopwatch::start(plan.clock);
             let hits = rays.iter().filter(|ray| own::closest(scene, ray).is_hit()).count();
             std::hint::black_box(hits);
             if round > 0 {
@@ -326,11 +327,13 @@ impl Propeller {
 
 #[cfg(test)]
 mod tests {
-    use super::{Plan, propeller};
+    use super::{Clock, Plan, propeller};
 
     #[test]
     fn temporal_splits_pay_for_a_propeller() {
-        let propeller = propeller(&Plan { kinds: Vec::new(), rays: 500, rounds: 1 }).unwrap();
+        let propeller =
+            propeller(&Plan { kinds: Vec::new(), rays: 500, rounds: 1, clock: Clock::Wall })
+                .unwrap();
         let [[with, _], [without, _]] = propeller.work;
         assert!(2.0 * with < without, "{propeller:?}");
         assert!(propeller.segments > 8, "{propeller:?}");

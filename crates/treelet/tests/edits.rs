@@ -1,7 +1,7 @@
 //! Edits: whatever was changed, and whatever a commit made of it, the scene answers as one that was
 //! built from nothing, bit for bit; and the snapshot before it answers as it did.
 
-use treelet::scene::{Action, EditError, LayoutChoice, Reason, Update};
+use treelet::scene::{Action, EditError, LayoutChoice, Policy, Reason};
 use treelet::verify::{self, BruteForce, Random};
 use treelet::{Affine, BuildOptions, Hit, Mesh, Ray, Scene, SceneBuilder, build};
 use treelet_testkit::{Shape, awkward, closed};
@@ -90,7 +90,7 @@ fn edits_in_any_order_answer_like_a_fresh_build() {
         let mut scene = told.build(&options);
         for step in 0..12 {
             let mut edit = scene.edit();
-            edit.update = [Update::Refit, Update::Auto, Update::Rebuild][step % 3];
+            edit.policy = [Policy::Refit, Policy::Auto, Policy::Rebuild][step % 3];
             let kind = random.below(8);
             let geom = random.below(told.meshes.len() as u64) as usize;
             let instance = random.below(told.instances.len() as u64) as usize;
@@ -162,7 +162,7 @@ fn large_trees_are_refitted_as_they_would_be_built() {
         let mut edit = scene.edit();
         edit.set_positions(0, moved.clone()).unwrap();
         // What splits saved is lost with them.
-        edit.update = if builder == "default" { Update::Auto } else { Update::Refit };
+        edit.policy = if builder == "default" { Policy::Auto } else { Policy::Refit };
         let commit = edit.commit(&options).unwrap();
         assert_eq!((commit.action, commit.reason), (Action::Refitted, Reason::Same), "{builder}");
         let most = if builder == "default" { 1.3 } else { 3.0 };
@@ -174,7 +174,7 @@ fn large_trees_are_refitted_as_they_would_be_built() {
         let before = answers(&scene, &rays);
         let mut edit = commit.scene.edit();
         edit.set_positions(0, shape.positions.clone()).unwrap();
-        edit.update = Update::Refit;
+        edit.policy = Policy::Refit;
         let back = edit.commit(&options).unwrap();
         assert_eq!(answers(&back.scene, &rays), before);
         if builder == "default" {
@@ -213,7 +213,7 @@ fn one_of_many_moves() {
             };
             told.instances[instance].1 = to;
             let mut edit = scene.edit();
-            edit.update = Update::Refit;
+            edit.policy = Policy::Refit;
             edit.set_transform(instance, to).unwrap();
             if step == 4 {
                 // A scene with more paths: the ranks of all that follow move up.
@@ -233,40 +233,50 @@ fn a_commit_says_what_it_did_and_why() {
     let options = options(LayoutChoice::Wide8);
     let shape = closed::sphere(40, 20);
     let scene = Scene::builder().mesh(mesh(&shape)).build(&options).unwrap();
-    let commit = |positions: Option<Vec<[f32; 3]>>, update: Update| {
+    let commit = |positions: Option<Vec<[f32; 3]>>, policy: Policy| {
         let mut edit = scene.edit();
-        edit.update = update;
+        edit.policy = policy;
         if let Some(positions) = positions {
             edit.set_positions(0, positions).unwrap();
         }
         edit.commit(&options).unwrap()
     };
     let done = |commit: &treelet::scene::Commit| (commit.action, commit.reason);
-    assert_eq!(done(&commit(None, Update::Auto)), (Action::Kept, Reason::Unchanged));
+    assert_eq!(done(&commit(None, Policy::Auto)), (Action::Kept, Reason::Unchanged));
     let same = Some(shape.positions.clone());
-    assert_eq!(done(&commit(same.clone(), Update::Rebuild)), (Action::Rebuilt, Reason::Asked));
-    let refitted = commit(same, Update::Auto);
+    assert_eq!(done(&commit(same.clone(), Policy::Rebuild)), (Action::Rebuilt, Reason::Asked));
+    let refitted = commit(same, Policy::Auto);
     assert_eq!(done(&refitted), (Action::Refitted, Reason::Same));
     assert!((refitted.decay - 1.0).abs() < 1e-9, "{}", refitted.decay);
 
-    // Vertices that change places with distant ones: boxes overlap everywhere.
-    let mut shuffled = shape.positions.clone();
+    // Triangles that change places with distant ones: boxes overlap everywhere, and nothing can stay in its subtree.
+    let apart = awkward::random_triangles(3000, 3.0, 0.05);
+    let mut order: Vec<usize> = (0..apart.triangles.len()).collect();
     let mut random = Random::new(SEED);
-    for at in (1..shuffled.len()).rev() {
-        shuffled.swap(at, random.below(at as u64 + 1) as usize);
+    for at in (1..order.len()).rev() {
+        order.swap(at, random.below(at as u64 + 1) as usize);
     }
-    assert_eq!(
-        done(&commit(Some(shuffled.clone()), Update::Auto)),
-        (Action::Rebuilt, Reason::Decayed)
-    );
-    let kept = commit(Some(shuffled), Update::Refit);
+    let corners = |prim: &usize| apart.triangles[*prim].map(|at| apart.positions[at as usize]);
+    let shuffled: Vec<_> = order.iter().flat_map(corners).collect();
+    let prims: Vec<_> =
+        (0..order.len() as u32).map(|prim| [0, 1, 2].map(|i| 3 * prim + i)).collect();
+    let still: Vec<_> = (0..order.len()).flat_map(|prim| corners(&prim)).collect();
+    let apart = Scene::builder().mesh(Mesh::new(still, prims)).build(&options).unwrap();
+    let shuffle = |policy: Policy| {
+        let mut edit = apart.edit();
+        edit.policy = policy;
+        edit.set_positions(0, shuffled.clone()).unwrap();
+        edit.commit(&options).unwrap()
+    };
+    assert_eq!(done(&shuffle(Policy::Auto)), (Action::Rebuilt, Reason::Decayed));
+    let kept = shuffle(Policy::Refit);
     assert_eq!(done(&kept), (Action::Refitted, Reason::Same));
     assert!(kept.decay > 2.0, "{}", kept.decay);
 
     // A vertex that is nowhere takes its triangles with it.
     let mut broken = shape.positions.clone();
     broken[7][1] = f32::NAN;
-    let without = commit(Some(broken), Update::Refit);
+    let without = commit(Some(broken), Policy::Refit);
     assert_eq!(done(&without), (Action::Rebuilt, Reason::Unfit));
     assert!(without.scene.report().skipped.triangles > 0);
 

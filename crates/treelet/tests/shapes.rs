@@ -5,7 +5,7 @@ use treelet::build::{self, BinnedSah};
 use treelet::geometry::{
     Curves, Defect, Disc, Discs, Meeting, Primitives, Quads, Shape, Spheres, User,
 };
-use treelet::scene::{Action, LayoutChoice, Update};
+use treelet::scene::{Action, LayoutChoice, Policy};
 use treelet::simd::Level;
 use treelet::verify::{self, BruteForce, Random};
 use treelet::{Aabb, Affine, BuildOptions, Invalid, Mesh, Ray, Scene, SceneBuilder, SceneError};
@@ -391,7 +391,7 @@ fn edits_move_every_kind() {
         User::new(Balls(spheres(30, random))).into(),
     ];
     let mut edit = scene.edit();
-    edit.update = Update::Refit;
+    edit.policy = Policy::Refit;
     for (&geom, shape) in [0, 2, 3, 5, 6].iter().zip(&kinds) {
         edit.set_shape(geom, shape.clone()).unwrap();
     }

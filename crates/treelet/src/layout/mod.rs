@@ -8,6 +8,7 @@ pub(crate) mod moving;
 mod order;
 pub(crate) mod packing;
 pub(crate) mod refit;
+pub(crate) mod repair;
 mod select;
 pub mod wide;
 mod write;

@@ -171,6 +171,13 @@ impl<const W: usize> Segment<W> {
     }
 }
 
+/// The boxes of nodes that stand still, summed up as half areas, in f64.
+pub(crate) fn areas<const W: usize>(nodes: &[Node<W>]) -> f64 {
+    let children = nodes.iter().flat_map(|node| (0..W).map(move |slot| (node, slot)));
+    let used = children.filter(|(node, slot)| node.children[*slot] != Child::END);
+    used.map(|(node, slot)| <Plain as Packing<W>>::bounds(node, slot).half_area()).sum()
+}
+
 /// A leaf as it is between two steps; its ids mean nothing.
 #[inline(always)]
 fn mixed<const W: usize>(words: &[Pages<f32>], first: usize, after: usize, along: f32) -> Block {

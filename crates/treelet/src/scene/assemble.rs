@@ -5,6 +5,7 @@ use super::choice;
 use super::gather::{Names, Prims, add_triangles, first_ids, other_boxes};
 use super::improve;
 use super::moving::{self, Moving};
+use super::open;
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
@@ -20,9 +21,8 @@ use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
 use crate::trace::moving::MovingMesh;
-use crate::trace::placements::Instance;
 use crate::trace::structure::{Geometry, Layout, Structure};
-use crate::tree::{Kind, Tree};
+use crate::tree::{Kind, PRIMS_MAX, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -77,25 +77,40 @@ impl Gathered {
         let meshes = geometries.iter().enumerate();
         let meshes = meshes.filter_map(|(geom, geometry)| Some((geom, geometry.mesh()?)));
         let meshes = meshes.filter(|(_, mesh)| !mesh.is_moving());
-        let triangles = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
-        let mut prims = Prims::with_room(triangles, instances.len() + others.len())?;
+        let triangles: usize = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
+        let budget = open::budget(instances.len(), options);
+        let singles = instances.len() + others.len();
+        let room = triangles.saturating_add(singles);
+        let budget = budget.min(PRIMS_MAX.saturating_sub(room));
+        let mut prims = Prims::with_room(triangles, singles + budget)?;
         for (geom, mesh) in meshes {
             add_triangles(geom, mesh, options, &mut prims, &mut report)?;
         }
         let around = others.iter().fold(prims.around, |all, (_, bounds)| all.union(bounds));
         prims.around = around;
-        let placements = place_instances(parts(instances), around, options, &mut report)?;
+        let mut placements = place_instances(parts(instances), around, options, &mut report)?;
+        let opened = open::parts(&placements.instances, budget);
+        placements.instances = mem::take(&mut placements.instances).opened(&opened);
+        let mut opened = opened.iter().map(|(part, _)| part.instance).peekable();
         let placed = placements
             .instances
             .iter()
             .zip(0..)
             .filter(|(instance, _)| !instance.bounds().is_empty());
         for (instance, index) in placed {
-            prims.add_single(index, instance.bounds());
+            report.instances += 1;
+            if opened.peek() != Some(&index) {
+                prims.add_single(index, instance.bounds());
+                continue;
+            }
+            report.opened_instances += 1;
+            while opened.next_if_eq(&index).is_some() {}
         }
-        report.instances = prims.singles.len() as u64;
-        // Leaves call them by their ids, after all instances.
-        let after = placements.instances.len() as u64;
+        for number in placements.instances.len()..placements.instances.entries() {
+            prims.add_single(number as u32, placements.instances.bounds(number));
+        }
+        // Leaves call them by their ids, after all instances and parts of them.
+        let after = placements.instances.entries() as u64;
         for (id, bounds) in others {
             let number = after + u64::from(id);
             let number =
@@ -142,7 +157,8 @@ impl Gathered {
         travel::split(&mut structure, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
-        Ok(Scene { structure: Arc::new(structure), report: Arc::new(report), auto: None })
+        let (structure, report) = (Arc::new(structure), Arc::new(report));
+        Ok(Scene { structure, report, auto: None, upkeep: Arc::default() })
     }
 
     /// The plan's tree, and what is to be said of it.
@@ -269,7 +285,6 @@ impl Level {
             slack,
             paths,
             around_meshes: self.around_meshes,
-            price: None,
         }
     }
 }
@@ -350,8 +365,7 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let instances = size_of::<Instance>() * level.instances.len();
     let moving = level.moving.iter().map(MovingMesh::bytes).sum::<usize>();
     let spans = level.spans.iter().map(Layout::bytes).sum::<usize>();
-    (level.layout.bytes() + spans + instances + moving) as u64
+    (level.layout.bytes() + spans + level.instances.bytes() + moving) as u64
 }

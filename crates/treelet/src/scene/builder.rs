@@ -81,6 +81,9 @@ pub struct BuildOptions<'a> {
     /// Whether meshes that move, and scenes of nothing but instances of which some move, may have several trees, each for a
     /// part of the time, where that makes rays cheaper: at most [`SEGMENTS_MAX`](super::SEGMENTS_MAX) for each.
     pub temporal_splits: bool,
+    /// Whether large instances may be opened: the tree then holds several boxes in place of one that is mostly
+    /// empty, at most twice as many as there are instances in all. Answers do not change. Quick builds never do it.
+    pub open_instances: bool,
     /// Some of the rays to come: for [`Quality::Rays`] and [`Quality::Auto`], which otherwise make their own.
     pub pilot: Pilot<'a>,
     /// Cancels and watches the build.
@@ -104,6 +107,7 @@ impl Default for BuildOptions<'_> {
             level: Level::best(),
             layout: None,
             temporal_splits: true,
+            open_instances: true,
             pilot: Pilot::default(),
             context: Context::default(),
         }

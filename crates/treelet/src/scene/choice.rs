@@ -11,6 +11,7 @@ pub(super) mod table;
 mod words;
 
 pub(super) use search::{build, recipe, told};
+pub(super) use table::RAY_NS;
 
 #[cfg(doc)]
 use super::Recipe;

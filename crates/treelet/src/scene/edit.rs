@@ -6,6 +6,9 @@
 //! anew where that is not so, or where the boxes have grown so much that it pays.
 
 mod commit;
+mod fetch;
+mod ledger;
+mod mend;
 
 use super::Scene;
 use super::builder::Placed;
@@ -18,6 +21,7 @@ use alloc::collections::btree_map::Entry;
 use alloc::sync::Arc;
 use commit::nothing_like;
 use core::time::Duration;
+pub(super) use ledger::Ledger;
 
 /// A tree whose boxes cost this many times what they cost when it was built is built anew.
 ///
@@ -26,16 +30,33 @@ use core::time::Duration;
 /// grown by 40 %.
 pub const DECAY_MAX: f64 = 1.4;
 
-/// What a commit may do to a tree.
+/// A repaired tree that costs more than this is built anew after all, where nothing else is asked for: half of what
+/// [`DECAY_MAX`] allows.
+const WORTH_KEEPING: f64 = 1.2;
+
+/// What a commit may do to a tree. No policy changes an answer.
+///
+/// A tree whose leaves hold the same triangles and instances as before can be *refitted*: it stays, its boxes follow. It can
+/// also be *repaired*: small subtrees whose boxes are as good as when they were built stay, everything else is built anew
+/// around them, in a fraction of the time of a build. Where that is not so, it is rebuilt whatever the policy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum Update {
-    /// Refit where that is possible and the tree stays good enough ([`DECAY_MAX`]), else rebuild.
+pub enum Policy {
+    /// Refit while the tree stays good enough ([`DECAY_MAX`]); then repair, and rebuild where that does not help.
     #[default]
     Auto,
-    /// Refit wherever that is possible.
+    /// Refit.
     Refit,
+    /// Refit and repair.
+    Repair,
     /// Rebuild.
     Rebuild,
+    /// About so many rays are traced between one commit and the next: mend the tree when what rays lost for want of it has come to what
+    /// mending costs, so that the total time of commits and rays is least. What commits and rays take is measured: rays in slices are
+    /// timed, single ones are told by [`Scene::note_traced`]. What is chosen depends on the clock, answers do not.
+    Rays(u64),
+    /// A commit may take so long: the best tree that, by what earlier ones took, can be had in that time. A refit is made however
+    /// long it takes.
+    Budget(Duration),
 }
 
 /// What a commit did.
@@ -45,8 +66,21 @@ pub enum Action {
     Kept,
     /// The tree stayed, its boxes followed.
     Refitted,
+    /// So did they, and what had decayed is new: see [`Commit::parts`].
+    Repaired,
     /// There is a new tree.
     Rebuilt,
+}
+
+impl core::fmt::Display for Action {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(match self {
+            Self::Kept => "kept",
+            Self::Refitted => "refitted",
+            Self::Repaired => "repaired",
+            Self::Rebuilt => "rebuilt",
+        })
+    }
 }
 
 /// Why it did that.
@@ -56,7 +90,7 @@ pub enum Reason {
     Unchanged,
     /// It was asked for.
     Asked,
-    /// The same triangles and instances are in the tree, and it is good enough.
+    /// The same triangles and instances are in the tree, and it is good enough, or mending it would not have paid yet.
     Same,
     /// A mesh has more or fewer triangles, an instance became or ceased to be empty, or something
     /// was added.
@@ -65,7 +99,7 @@ pub enum Reason {
     Unfit,
     /// A mesh moves with time, before or after: its boxes are not refitted.
     Moving,
-    /// The boxes had grown too much.
+    /// The boxes had grown too much, or for so long that mending pays.
     Decayed,
 }
 
@@ -74,7 +108,7 @@ impl core::fmt::Display for Reason {
         f.write_str(match self {
             Self::Unchanged => "nothing changed",
             Self::Asked => "as asked",
-            Self::Same => "the same triangles and instances, in boxes that are still good",
+            Self::Same => "the same triangles and instances, in boxes that are still good enough",
             Self::Different => "other triangles or instances than before",
             Self::Unfit => "triangles that are, or were, not fit for a scene",
             Self::Moving => "a mesh that moves with time",
@@ -83,20 +117,48 @@ impl core::fmt::Display for Reason {
     }
 }
 
+/// What became of the parts of a tree that was repaired; zero for any other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Parts {
+    /// Subtrees and instances that stayed as they were, under a new tree.
+    pub kept: u64,
+    /// Triangles that were taken out of decayed subtrees, and built over one by one.
+    pub loose: u64,
+}
+
 /// A new snapshot, and what was done for it.
 #[derive(Clone, Debug)]
 pub struct Commit {
-    /// The scene after the edit. Its report is of the last build; refitting does not change it.
+    /// The scene after the edit. Its report is of the last build; refitting and repairing do not change it.
     pub scene: Scene,
     /// What was done to the tree.
     pub action: Action,
     /// Why.
     pub reason: Reason,
-    /// What a long random line pays in the tree, over what it paid when the tree was built: 1 for a
-    /// new one.
+    /// Boxes that a long random line meets in the tree, for each triangle or instance whose own box it meets, over what that
+    /// was when the tree was built: 1 for a new one.
     pub decay: f64,
+    /// What a repair left as it was, and what not.
+    pub parts: Parts,
     /// How long the commit took; zero where there is no clock.
     pub time: Duration,
+}
+
+/// What it did, and why, in a sentence.
+impl core::fmt::Display for Commit {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}: {}", self.action, self.reason)?;
+        let Parts { kept, loose } = self.parts;
+        match self.action {
+            Action::Repaired => write!(
+                f,
+                "; a new tree over {kept} parts that stayed and {loose} triangles, {:.2} times as dear as when all was built",
+                self.decay
+            ),
+            Action::Refitted => write!(f, "; {:.2} times as dear as when it was built", self.decay),
+            Action::Kept | Action::Rebuilt => Ok(()),
+        }
+    }
 }
 
 /// What an edit names that is not there.
@@ -155,7 +217,7 @@ pub struct Edit {
     /// How many there are, the new ones included.
     counts: [usize; 2],
     /// What the commit may do to the tree.
-    pub update: Update,
+    pub policy: Policy,
 }
 
 impl Scene {
@@ -166,7 +228,7 @@ impl Scene {
             geometries: BTreeMap::new(),
             instances: BTreeMap::new(),
             counts: [self.structure.geometries.len(), self.structure.instances.len()],
-            update: Update::default(),
+            policy: Policy::default(),
         }
     }
 }

@@ -17,6 +17,7 @@ use super::assemble::Gathered;
 use super::choice::model::{Model, TRIAL_SHARE};
 use super::choice::pilot::Probe;
 use super::choice::{self, Choice, Pilot};
+use super::upkeep::add;
 use super::{BuildOptions, Invalid, LayoutChoice, Scene, SceneBuilder, SceneError};
 use crate::context::clock::Stopwatch;
 use crate::context::{Cancel, Context, parallel};
@@ -135,26 +136,15 @@ impl Scene {
             None => Ok(None),
         }
     }
-
-    /// Tells a scene of [`Quality::Auto`](super::Quality::Auto) that `rays` single rays were asked, and how long that
-    /// took on the clock on the wall, all threads tracing. Slices are counted without that.
-    pub fn note_traced(&self, rays: u64, time: Duration) {
-        if let Some(auto) = &self.auto {
-            add(&auto.rays, rays);
-            add(&auto.nanos, u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
-        }
-    }
-}
-
-/// Adds; stays at the end of the range.
-fn add(sum: &AtomicU64, more: u64) {
-    let old = sum.fetch_add(more, Ordering::Relaxed);
-    if old.checked_add(more).is_none() {
-        sum.store(u64::MAX, Ordering::Relaxed);
-    }
 }
 
 impl Auto {
+    /// Takes down that rays were asked.
+    pub(super) fn note(&self, rays: u64, time: Duration) {
+        add(&self.rays, rays);
+        add(&self.nanos, u64::try_from(time.as_nanos()).unwrap_or(u64::MAX));
+    }
+
     fn improve(&self, scene: &Scene, budget: f64) -> Result<Option<Scene>, SceneError> {
         // As many rays will come as have come, at what they took so far.
         let (rays, nanos) = (self.rays.load(Ordering::Relaxed), self.nanos.load(Ordering::Relaxed));

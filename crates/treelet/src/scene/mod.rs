@@ -8,16 +8,18 @@ mod error;
 mod gather;
 mod improve;
 mod moving;
+mod open;
 mod place;
 mod quality;
 mod recipe;
 mod report;
 mod slices;
 mod travel;
+mod upkeep;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use choice::{Candidate, Choice, Pilot};
-pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Reason, Update};
+pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Parts, Policy, Reason};
 pub use error::{InstanceDefect, SceneError, WrongLength};
 pub use moving::SEGMENTS_MAX;
 pub use quality::{Plan, Quality};
@@ -58,6 +60,8 @@ pub struct Scene {
     report: Arc<BuildReport>,
     /// What a scene of [`Quality::Auto`] remembers.
     auto: Option<Arc<improve::Auto>>,
+    /// What keeping it up goes by.
+    upkeep: Arc<upkeep::Upkeep>,
 }
 
 impl Scene {

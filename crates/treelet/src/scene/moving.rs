@@ -27,8 +27,7 @@ use crate::build::Clip;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::geometry::{Mesh, Shape, triangle};
 use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
-use crate::layout::moving::{Segment, Span, widened_way};
-use crate::layout::refit;
+use crate::layout::moving::{Segment, Span, areas, widened_way};
 use crate::math::pose::Moment;
 use crate::trace::moving::{MovingMesh, Trees};
 use crate::trace::structure::{Geometry, Layout, Structure};
@@ -279,7 +278,7 @@ impl Maker<'_> {
             }
         };
         let wide = lower::<W>(&tree, Numbered::NONE, &source, plan.collapse, cancel)?;
-        tried.middle += refit::areas(&wide);
+        tried.middle += areas(&wide.nodes);
 
         // The same, moving.
         let corners = |id: u32, step: usize| {

@@ -167,6 +167,19 @@ impl<'a> Plan<'a> {
         }
         Ok(tree)
     }
+
+    /// The same over what cannot be cut.
+    pub(super) fn build_whole(
+        &self,
+        bounds: &[Aabb],
+        context: &Context<'_>,
+    ) -> Result<Tree, BuildError> {
+        let mut tree = self.builder.build(bounds, context)?;
+        for optimizer in self.optimizers {
+            tree = optimizer.optimize(tree, context)?;
+        }
+        Ok(tree)
+    }
 }
 
 impl fmt::Display for Plan<'_> {

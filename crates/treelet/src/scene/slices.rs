@@ -1,5 +1,6 @@
 //! The same questions for many rays at once, on all threads of the caller's rayon pool.
 
+use super::upkeep::TIMED_MIN;
 use super::{Scene, WrongLength};
 use crate::context::clock::Stopwatch;
 use crate::context::parallel;
@@ -89,7 +90,7 @@ impl Scene {
 
     /// Takes the time of a slice where somebody wants to know it.
     fn metered<R>(&self, rays: usize, ask: impl FnOnce() -> R) -> R {
-        if self.auto.is_none() {
+        if self.auto.is_none() && rays < TIMED_MIN {
             return ask();
         }
         let clock = Stopwatch::start();

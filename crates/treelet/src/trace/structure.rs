@@ -8,7 +8,7 @@ use crate::geometry::shape::Local;
 use crate::geometry::{Meeting, Mesh, Shape};
 use crate::layout::compact::Compact;
 use crate::layout::packing::Packing;
-use crate::layout::wide::{Plain, Wide};
+use crate::layout::wide::{Child, Plain, Wide};
 use crate::simd::Checked;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -46,6 +46,24 @@ impl Layout {
         core::mem::discriminant(self) == core::mem::discriminant(other)
     }
 
+    /// Where a walk begins.
+    pub(crate) fn root(&self) -> Child {
+        match self {
+            Self::Wide8(wide) => wide.root,
+            Self::Wide16(wide) => wide.root,
+            Self::Compact(wide) => wide.root,
+        }
+    }
+
+    /// The children of a node and their boxes; none of a leaf.
+    pub(crate) fn below(&self, child: Child) -> Vec<(Child, Aabb)> {
+        match self {
+            Self::Wide8(wide) => wide.below(child),
+            Self::Wide16(wide) => wide.below(child),
+            Self::Compact(wide) => wide.below(child),
+        }
+    }
+
     /// Bytes that walks read.
     pub(crate) fn bytes(&self) -> usize {
         match self {
@@ -54,15 +72,6 @@ impl Layout {
             Self::Compact(wide) => wide.bytes(),
         }
     }
-}
-
-/// What a tree costs.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Price {
-    /// What a line that meets the root pays, when the tree was built.
-    pub(crate) built: f64,
-    /// The half areas of all children now.
-    pub(crate) areas: f64,
 }
 
 /// A mesh of a level, or primitives of another kind.
@@ -118,8 +127,6 @@ pub(crate) struct Structure {
     pub(crate) paths: u64,
     /// Around the meshes.
     pub(crate) around_meshes: Aabb,
-    /// What the tree costs; where nobody has asked yet, it is as it was built.
-    pub(crate) price: Option<Price>,
 }
 
 impl Structure {

@@ -135,23 +135,18 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 if triangles::<K, S, V, W>(simd, &frame, (first, count), ray, visitor).is_break() {
                     return;
                 }
-                next = pop(visitor.t_max(), &mut stack, counters);
-                continue;
-            }
-
-            if next == Child::NONE {
+            } else if next == Child::NONE {
                 let Some(pending) = stack.pop() else { return };
                 next = pending.child();
                 continue;
-            }
-            if next == Child::END {
+            } else if next == Child::END {
                 let Some(outer) = frames.pop() else { return };
                 frame = outer;
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
-            }
-            let at = first - frame.wide.triangles;
-            if let Some(id) = at.checked_sub(frame.structure.instances.len()) {
+            } else if let at = first - frame.wide.triangles
+                && let Some(id) = at.checked_sub(frame.structure.instances.entries())
+            {
                 if let Some(mesh) = frame.structure.moving(id as u32) {
                     let Frame { structure, ray: ref prepared, inst, .. } = frame;
                     let (visitor, counters) = (&mut *visitor, &mut *counters);
@@ -170,21 +165,21 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 {
                     return;
                 }
-                next = pop(visitor.t_max(), &mut stack, counters);
-                continue;
-            }
-            let leaf = InstanceLeaf {
-                at,
-                frame: &mut frame,
-                frames: &mut frames,
-                ray,
-                t_max: visitor.t_max(),
-                counters: &mut *counters,
-            };
-            if simd.call(leaf) {
-                stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                next = frame.wide.root;
-                break;
+            } else {
+                let leaf = InstanceLeaf {
+                    at: first - frame.wide.triangles,
+                    frame: &mut frame,
+                    frames: &mut frames,
+                    ray,
+                    t_max: visitor.t_max(),
+                    counters: &mut *counters,
+                };
+                let start = simd.call(leaf);
+                if start != Child::NONE {
+                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
+                    next = start;
+                    break;
+                }
             }
             next = pop(visitor.t_max(), &mut stack, counters);
         }

@@ -129,7 +129,12 @@ macro_rules! passes {
                         if packet.hit.geom[lane] == INVALID_ID {
                             Answer::MISS
                         } else {
-                            Answer { t: packet.ray.t_far[lane], prim: packet.hit.prim[lane] }
+                            Answer {
+                                t: packet.ray.t_far[lane],
+                                prim: packet.hit.prim[lane],
+                                // No instance is the largest number, and becomes 0.
+                                inst: packet.hit.inst[lane].wrapping_add(1),
+                            }
                         }
                     }));
                 }

@@ -12,8 +12,10 @@ use treelet_bench::rivals::{self, embree};
 use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
+use super::animate::AnimateFlags;
 use super::figure::FigureFlags;
 use super::page::PageFlags;
+use super::twist::TwistFlags;
 use crate::input::SceneFlags;
 use crate::session::Session;
 
@@ -34,6 +36,11 @@ pub(crate) struct Flags {
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
     #[arg(value_parser = clap::builder::PossibleValuesParser::new(rivals::NAMES))]
     against: Vec<String>,
+
+    /// Copy the triangles of instances, for rivals that have none; otherwise scenes in which something is
+    /// placed more than once are measured with their instances. Figures always copy them.
+    #[arg(long)]
+    pub(super) flatten: bool,
 
     /// Kinds of rays [default: all].
     #[arg(long, value_delimiter = ',', value_name = "KIND,..")]
@@ -84,6 +91,12 @@ pub(crate) struct Flags {
 
     #[command(flatten)]
     pub(super) figure: FigureFlags,
+
+    #[command(flatten)]
+    pub(super) twist: TwistFlags,
+
+    #[command(flatten)]
+    pub(super) animate: AnimateFlags,
 
     /// Do not measure the most memory that each build takes, which needs a process of its own.
     #[arg(long)]

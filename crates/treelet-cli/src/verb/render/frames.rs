@@ -59,6 +59,7 @@ struct FrameReport {
     triangles_deformed: u64,
     tree: Tree,
     objects_refitted: u64,
+    objects_repaired: u64,
     objects_rebuilt: u64,
     passes: u32,
     rays: u64,
@@ -75,6 +76,8 @@ enum Tree {
     Kept,
     /// They followed what moved.
     Refitted,
+    /// They did, and what had decayed of them is new.
+    Repaired,
     /// Some of them are new.
     Rebuilt,
 }
@@ -86,6 +89,8 @@ impl Tree {
             _ if keeps_geometry => Self::Kept,
             _ if updated.rebuilt > 0 => Self::Rebuilt,
             Some(Action::Rebuilt) => Self::Rebuilt,
+            _ if updated.repaired > 0 => Self::Repaired,
+            Some(Action::Repaired) => Self::Repaired,
             _ => Self::Refitted,
         }
     }
@@ -353,6 +358,7 @@ fn report(
         triangles_deformed: changes.triangles,
         tree,
         objects_refitted: updated.refitted,
+        objects_repaired: updated.repaired,
         objects_rebuilt: updated.rebuilt,
         passes: film.passes(),
         rays: made.stats.rays,
@@ -382,6 +388,11 @@ fn tell(report: &FrameReport, objects: usize) {
         Tree::Kept => "kept".to_owned(),
         Tree::Refitted if report.objects_refitted == 0 => "instances refitted".to_owned(),
         Tree::Refitted => format!("{} of {objects} refitted", report.objects_refitted),
+        Tree::Repaired if report.objects_repaired == 0 => "instances repaired".to_owned(),
+        Tree::Repaired => {
+            let (refitted, repaired) = (report.objects_refitted, report.objects_repaired);
+            format!("{refitted} of {objects} refitted, {repaired} repaired")
+        }
         Tree::Rebuilt if report.objects_rebuilt == 0 => "instances rebuilt".to_owned(),
         Tree::Rebuilt => {
             let (refitted, rebuilt) = (report.objects_refitted, report.objects_rebuilt);

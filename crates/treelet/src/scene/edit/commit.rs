@@ -3,29 +3,45 @@
 //! Cost: O(blocks of instances + meshes), and what changed: one reverse sweep of the tree where vertices
 //! moved, a copy of it and the way up from a few instances, or a build.
 
-use super::{Action, Commit, DECAY_MAX, Edit, Reason, Update};
+use super::fetch::{Moved, bounds_of, has_defects};
+use super::ledger::{Ledger, Next};
+use super::mend::{Mended, appraise, sweep, touched};
+use super::{Action, Commit, Edit, Parts, Policy, Reason, WORTH_KEEPING};
 use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
-use crate::context::{Cancel, parallel};
-use crate::geometry::mesh::COORDINATE_MAX;
-use crate::geometry::{Mesh, Shape};
-use crate::layout::compact::pack::pack;
+use crate::context::parallel;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{self, Content, Refitted, refit};
+use crate::layout::refit::{Areas, Content};
 use crate::layout::wide::Wide;
-use crate::scene::assemble::{COVER_MAX, Level};
+use crate::scene::assemble::Level;
 use crate::scene::builder::{BuildOptions, Placed, SceneBuilder};
 use crate::scene::place::{Part, Placements, place_instances};
 use crate::scene::report::BuildReport;
-use crate::scene::{Scene, SceneError, assemble};
+use crate::scene::upkeep::{Standing, Upkeep};
+use crate::scene::{Quality, Scene, SceneError, assemble};
 use crate::trace::placements::{BLOCK, Block, Instances};
 use crate::trace::slack::{Near, Slack};
-use crate::trace::structure::{Geometry, Layout, Price, Structure};
+use crate::trace::structure::{Geometry, Layout, Structure};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::mem;
 
-/// Triangles whose box is found by one task.
-const CHUNK: usize = 16_384;
+/// What followed what moved, on its way to a scene.
+struct Followed {
+    geometries: Vec<Geometry>,
+    placements: Placements,
+    /// `None` where the meshes are all there is.
+    around_meshes: Option<Aabb>,
+    mended: Mended,
+    standing: Standing,
+}
+
+impl Followed {
+    /// How much dearer the tree is than when it was built.
+    fn decay(&self) -> f64 {
+        self.mended.areas().price() / self.standing.built
+    }
+}
 
 impl Edit {
     /// Makes the new snapshot. `options` say how a tree is built if one has to be; instructions and
@@ -36,23 +52,143 @@ impl Edit {
     /// As [`SceneBuilder::build`]; the old snapshot stays what it is.
     pub fn commit(self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
         let watch = Stopwatch::start();
-        let done = |scene, action, reason, decay| {
-            Ok(Commit { scene, action, reason, decay, time: watch.elapsed() })
+        let done = |scene, action, reason, decay, parts| {
+            Ok(Commit { scene, action, reason, decay, parts, time: watch.elapsed() })
         };
         if self.geometries.is_empty() && self.instances.is_empty() {
-            return done(self.before, Action::Kept, Reason::Unchanged, 1.0);
+            return done(self.before, Action::Kept, Reason::Unchanged, 1.0, Parts::default());
         }
-        let reason = match self.update {
-            Update::Rebuild => Reason::Asked,
-            Update::Auto | Update::Refit => match self.refit(options)? {
-                Err(reason) => reason,
-                Ok((scene, decay)) if self.update == Update::Refit || decay <= DECAY_MAX => {
-                    return done(scene, Action::Refitted, Reason::Same, decay);
-                }
-                Ok(_) => Reason::Decayed,
-            },
+        let mut ledger = self.ledger();
+        let followed = match self.policy {
+            Policy::Rebuild => Err(Reason::Asked),
+            _ => self.follow(options)?,
         };
-        done(assemble::assemble(self.description(), options)?, Action::Rebuilt, reason, 1.0)
+        let (reason, before) = match followed {
+            Err(reason) => (reason, None),
+            Ok(followed) => {
+                ledger.refit = watch.elapsed().as_secs_f64();
+                match self.mend(followed, &mut ledger, options)? {
+                    Ok((scene, action, reason, decay, parts)) => {
+                        return done(scene, action, reason, decay, parts);
+                    }
+                    Err((reason, decay, areas)) => (reason, Some((decay, areas))),
+                }
+            }
+        };
+        let scene = self.rebuild(before, ledger, options)?;
+        done(scene, Action::Rebuilt, reason, 1.0, Parts::default())
+    }
+
+    /// What is known from earlier commits, and from the rays since the last one.
+    fn ledger(&self) -> Ledger {
+        let upkeep = &self.before.upkeep;
+        let build = self.before.report.total_time.as_secs_f64();
+        let mut ledger = upkeep.ledger.unwrap_or_else(|| Ledger::new(build, parallel::threads()));
+        ledger.ray = upkeep.ray_seconds().unwrap_or(ledger.ray);
+        ledger
+    }
+
+    /// A new tree. `before` is what the old one had decayed to, and its areas, where it could have stayed.
+    fn rebuild(
+        &self,
+        before: Option<(f64, Areas)>,
+        mut ledger: Ledger,
+        options: &BuildOptions<'_>,
+    ) -> Result<Scene, SceneError> {
+        let watch = Stopwatch::start();
+        let mut scene = assemble::assemble(self.description(), options)?;
+        let seconds = watch.elapsed().as_secs_f64();
+        let standing = before.map(|(decay, areas)| {
+            let standing = standing(&scene);
+            // As old trees are measured: what one costs that was built for this shape, by what one did for the old.
+            let after = decay * standing.built / areas.price();
+            ledger.rebuilt(seconds, decay, after);
+            standing
+        });
+        if standing.is_none() {
+            ledger.rebuilt(seconds, 1.0, 1.0);
+        }
+        scene.upkeep = Upkeep::new(standing, Some(ledger));
+        Ok(scene)
+    }
+
+    /// The scene with the tree that followed, repaired where that is what to do; or why there should be a new one, and what
+    /// the old one has come to.
+    #[expect(clippy::type_complexity, reason = "a commit, or why there is none yet")]
+    fn mend(
+        &self,
+        mut followed: Followed,
+        ledger: &mut Ledger,
+        options: &BuildOptions<'_>,
+    ) -> Result<Result<(Scene, Action, Reason, f64, Parts), (Reason, f64, Areas)>, SceneError> {
+        let decay = followed.decay();
+        let mut done = (Action::Refitted, Reason::Same, decay, Parts::default());
+        match ledger.next(self.policy, decay) {
+            Next::Nothing => {}
+            Next::Rebuild => return Ok(Err((Reason::Decayed, decay, followed.mended.areas()))),
+            Next::Repair => {
+                let watch = Stopwatch::start();
+                let context = &options.context;
+                let build = |boxes: &[Aabb]| Quality::Default.plan().build_whole(boxes, context);
+                let prices = &followed.standing.prices;
+                let areas = followed.mended.areas();
+                if let Some(repair) = followed.mended.repair(prices, build, &context.cancel)? {
+                    followed.mended = repair.mended;
+                    followed.standing.prices = Arc::new(repair.prices);
+                    let decay = followed.decay();
+                    ledger.repaired(watch.elapsed().as_secs_f64(), done.2, decay);
+                    let parts = Parts { kept: repair.kept as u64, loose: repair.loose as u64 };
+                    done = (Action::Repaired, Reason::Decayed, decay, parts);
+                } else {
+                    ledger.beyond_repair(decay);
+                }
+                // Who counts rays waits until a new tree pays.
+                let enough = match self.policy {
+                    Policy::Auto => done.2 <= WORTH_KEEPING,
+                    Policy::Repair => done.0 == Action::Repaired,
+                    _ => true,
+                };
+                if !enough {
+                    return Ok(Err((Reason::Decayed, decay, areas)));
+                }
+            }
+        }
+        let (action, reason, decay, parts) = done;
+        let scene = self.finish(followed, *ledger, options)?;
+        Ok(Ok((scene, action, reason, decay, parts)))
+    }
+
+    /// The scene with the tree that followed.
+    fn finish(
+        &self,
+        followed: Followed,
+        ledger: Ledger,
+        options: &BuildOptions<'_>,
+    ) -> Result<Scene, SceneError> {
+        let before = &*self.before.structure;
+        let Followed { geometries, placements, around_meshes, mended, mut standing } = followed;
+        standing.areas = mended.areas();
+        let bounds = mended.bounds();
+        let (layout, cover, triangles) = mended.finish(&options.context.cancel)?;
+        standing.triangles = triangles.into();
+        let repeats = placements.instances.blocks.iter().any(|block| block.repeats);
+        let level = Level {
+            level: before.level,
+            geometries,
+            first_ids: before.first_ids.clone(),
+            placements,
+            layout,
+            bounds,
+            cover,
+            repeats: before.repeats || repeats,
+            around_meshes: around_meshes.unwrap_or(bounds),
+        };
+        Ok(Scene {
+            structure: Arc::new(level.structure()),
+            report: Arc::clone(&self.before.report),
+            auto: None,
+            upkeep: Upkeep::new(Some(standing), Some(ledger)),
+        })
     }
 
     /// Everything as it is to be.
@@ -96,7 +232,7 @@ impl Edit {
         if self.counts != [before.geometries.len(), before.instances.len()] {
             return Err(Reason::Different);
         }
-        let moves = |it: &Geometry| it.mesh().is_some_and(Mesh::is_moving);
+        let moves = |it: &Geometry| it.mesh().is_some_and(|mesh| mesh.is_moving());
         let is_moving = self.geometries.values().any(moves);
         if is_moving || !before.moving.is_empty() {
             return Err(Reason::Moving);
@@ -123,11 +259,8 @@ impl Edit {
         Ok(reshaped)
     }
 
-    /// The scene with the tree that it has, and how much dearer that has become; or why not.
-    fn refit(
-        &self,
-        options: &BuildOptions<'_>,
-    ) -> Result<Result<(Scene, f64), Reason>, SceneError> {
+    /// The tree around what moved; or why it cannot stay.
+    fn follow(&self, options: &BuildOptions<'_>) -> Result<Result<Followed, Reason>, SceneError> {
         let before = &*self.before.structure;
         let reshaped = match self.reshaped() {
             Err(reason) => return Ok(Err(reason)),
@@ -144,62 +277,80 @@ impl Edit {
         };
         let mut report = BuildReport::default();
         let mut placements = place_instances(self.parts(), around_meshes, options, &mut report)?;
+        let Some(instances) = mem::take(&mut placements.instances).opened_as(&before.instances)
+        else {
+            return Ok(Err(Reason::Different));
+        };
+        placements.instances = instances;
         let moved = match moved(&before.instances, &placements.instances, &before.layout)? {
             Err(reason) => return Ok(Err(reason)),
             Ok(moved) => moved,
         };
 
         // Mend the boxes: all of them, or those that few instances are in.
-        let single = |number: usize| match number.checked_sub(placements.instances.len()) {
-            None => placements.instances.at(number).bounds(),
-            Some(id) => {
-                let (geom, prim) = before.name(id as u32);
-                geometries[geom as usize].shape.bounds(prim as usize)
-            }
-        };
-        let price = before.price.unwrap_or_else(|| price(&before.layout, &before.bounds));
+        let single = |number: usize| single(&geometries, &placements.instances, before, number);
+        let known = self.before.upkeep.standing.clone();
+        let standing = known.unwrap_or_else(|| standing(&self.before));
         let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
         let touched = if few {
-            let moved = |at: usize| moved.binary_search(&at).is_ok();
-            touched(&before.layout, (before.bounds, price.areas), moved, single)?
+            let of = |number: usize| placements.instances.entry(number).0;
+            let moved = |number: usize| {
+                number < placements.instances.entries() && moved.binary_search(&of(number)).is_ok()
+            };
+            touched(
+                &before.layout,
+                (before.bounds, standing.areas, &standing.triangles),
+                moved,
+                single,
+            )?
         } else {
             None
         };
-        let swept = if touched.is_some() {
+        let mended = if touched.is_some() {
             touched
         } else {
-            let fetch = |ids: &[u32], packed: &mut [Packed]| {
-                Moved { geometries: &geometries, before }.fetch(ids, packed)
-            };
+            let moved = Moved { geometries: &geometries, before };
+            let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
             let content = Content { triangles: &fetch, instance: &single };
             sweep(&before.layout, &content, &options.context.cancel)?
         };
-        let Some(swept) = swept else { return Ok(Err(Reason::Unfit)) };
+        let Some(mended) = mended else { return Ok(Err(Reason::Unfit)) };
         if alone && reshaped {
-            placements = place_instances(Vec::new(), swept.bounds, options, &mut report)?;
+            placements = place_instances(Vec::new(), mended.bounds(), options, &mut report)?;
         }
-
-        let repeats = placements.instances.blocks.iter().any(|block| block.repeats);
-        let decay = refit::price(swept.areas, &swept.bounds) / price.built;
-        let level = Level {
-            level: before.level,
-            geometries,
-            first_ids: before.first_ids.clone(),
-            placements,
-            layout: swept.layout,
-            bounds: swept.bounds,
-            cover: swept.cover,
-            repeats: before.repeats || repeats,
-            around_meshes: if alone { swept.bounds } else { around_meshes },
-        };
-        let mut structure = level.structure();
-        structure.price = Some(Price { built: price.built, areas: swept.areas });
-        let report = Arc::clone(&self.before.report);
-        Ok(Ok((Scene { structure: Arc::new(structure), report, auto: None }, decay)))
+        let around_meshes = (!alone).then_some(around_meshes);
+        Ok(Ok(Followed { geometries, placements, around_meshes, mended, standing }))
     }
 }
 
-/// Which instances have another box, in rising order; or why the tree cannot stay.
+/// The box of an instance or, numbered after them, of a primitive that is no triangle.
+fn single(
+    geometries: &[Geometry],
+    instances: &Instances,
+    before: &Structure,
+    number: usize,
+) -> Aabb {
+    match number.checked_sub(instances.entries()) {
+        None => instances.bounds(number),
+        Some(id) => {
+            let (geom, prim) = before.name(id as u32);
+            geometries[geom as usize].shape.bounds(prim as usize)
+        }
+    }
+}
+
+/// What a tree is worth that is as it was built.
+fn standing(scene: &Scene) -> Standing {
+    let structure = &*scene.structure;
+    let moved = Moved { geometries: &structure.geometries, before: structure };
+    let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
+    let single =
+        |number: usize| single(&structure.geometries, &structure.instances, structure, number);
+    let content = Content { triangles: &fetch, instance: &single };
+    appraise(&structure.layout, &content)
+}
+
+/// Which instances may have another box, or other boxes of parts, in rising order; or why the tree cannot stay.
 fn moved(
     before: &Instances,
     after: &Instances,
@@ -210,16 +361,18 @@ fn moved(
         if Arc::ptr_eq(old, new) {
             continue;
         }
+        let wider = old.near != new.near;
         for (at, (old, new)) in old.items.iter().zip(&new.items).enumerate() {
             let instance = index * BLOCK + at;
             if !new.structure.layout.is_as(layout) {
                 return Err(SceneError::MixedLayouts { instance });
             }
-            let [old, new] = [old.bounds(), new.bounds()];
-            if old.is_empty() != new.is_empty() {
+            let [was, is] = [old.bounds(), new.bounds()];
+            if was.is_empty() != is.is_empty() {
                 return Ok(Err(Reason::Different));
             }
-            if old != new {
+            // Boxes of parts may be elsewhere where that of the whole is not.
+            if was != is || wider || old.columns != new.columns {
                 moved.push(instance);
             }
         }
@@ -253,142 +406,4 @@ pub(super) fn nothing_like(like: &Structure) -> Arc<Structure> {
         around_meshes: bounds,
     };
     Arc::new(level.structure())
-}
-
-/// A layout with new boxes, and what follows from them.
-struct Swept {
-    layout: Layout,
-    bounds: Aabb,
-    cover: Vec<Aabb>,
-    areas: f64,
-}
-
-impl Swept {
-    fn new<const W: usize>(refitted: Refitted<W>, layout: impl Fn(Wide<W>) -> Layout) -> Self {
-        let cover = refitted.cover(COVER_MAX);
-        let Refitted { wide, bounds, areas } = refitted;
-        Self { layout: layout(wide), bounds, cover, areas }
-    }
-}
-
-/// All boxes anew; `None` if a triangle is not fit.
-fn sweep(
-    layout: &Layout,
-    content: &Content<
-        '_,
-        impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
-        impl Fn(usize) -> Aabb + Sync,
-    >,
-    cancel: &Cancel,
-) -> Result<Option<Swept>, SceneError> {
-    Ok(match layout {
-        Layout::Wide8(wide) => {
-            refit(wide, content, cancel)?.map(|it| Swept::new(it, Layout::Wide8))
-        }
-        Layout::Wide16(wide) => {
-            refit(wide, content, cancel)?.map(|it| Swept::new(it, Layout::Wide16))
-        }
-        Layout::Compact(wide) => match refit(wide, content, cancel)? {
-            None => None,
-            Some(it) => {
-                let packed = Layout::Compact(pack(&it.wide, cancel)?);
-                let cover = it.cover(COVER_MAX);
-                Some(Swept { layout: packed, bounds: it.bounds, cover, areas: it.areas })
-            }
-        },
-    })
-}
-
-/// The boxes of a few instances anew, and those that they are in; `None` where a layout cannot.
-fn touched(
-    layout: &Layout,
-    tree: (Aabb, f64),
-    moved: impl Fn(usize) -> bool,
-    instance: impl Fn(usize) -> Aabb,
-) -> Result<Option<Swept>, SceneError> {
-    Ok(match layout {
-        Layout::Wide8(wide) => {
-            Some(Swept::new(refit::touch(wide, tree, moved, instance)?, Layout::Wide8))
-        }
-        Layout::Wide16(wide) => {
-            Some(Swept::new(refit::touch(wide, tree, moved, instance)?, Layout::Wide16))
-        }
-        Layout::Compact(_) => None,
-    })
-}
-
-/// What a tree costs that is as it was built.
-fn price(layout: &Layout, bounds: &Aabb) -> Price {
-    let areas = match layout {
-        Layout::Wide8(wide) => refit::areas(wide),
-        Layout::Wide16(wide) => refit::areas(wide),
-        Layout::Compact(wide) => refit::areas(wide),
-    };
-    Price { built: refit::price(areas, bounds), areas }
-}
-
-/// Where triangles are now.
-struct Moved<'a> {
-    geometries: &'a [Geometry],
-    before: &'a Structure,
-}
-
-impl Moved<'_> {
-    /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
-    /// Whether all triangles are fit for a scene.
-    fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
-        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
-            return fetch_of(mesh, ids, packed);
-        }
-        let mut fit = true;
-        for (&id, packed) in ids.iter().zip(packed) {
-            let (geom, prim) = self.before.name(id);
-            let Shape::Mesh(mesh) = &self.geometries[geom as usize].shape else { return false };
-            fit &= mesh.defect(prim as usize).is_none();
-            *packed = Packed { corners: mesh.corners(prim as usize).unwrap_or_default(), id };
-        }
-        fit
-    }
-}
-
-/// Triangles of the only mesh.
-fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
-    let (positions, triangles) = (mesh.positions(), mesh.triangles());
-    for (&id, packed) in ids.iter().zip(&mut *packed) {
-        let [a, b, c] = triangles[id as usize];
-        *packed = Packed { corners: [[0.0; 3]; 3], id };
-        packed.corners[0] = [a, b, c].map(f32::from_bits);
-    }
-    let mut fit = true;
-    for packed in packed {
-        let [a, b, c] = packed.corners[0].map(f32::to_bits);
-        let corner = |at: u32| positions.get(at as usize).copied().unwrap_or([f32::NAN; 3]);
-        packed.corners = [corner(a), corner(b), corner(c)];
-        fit &= packed.corners.iter().flatten().all(|x| x.abs() <= COORDINATE_MAX);
-    }
-    fit
-}
-
-/// Whether a primitive is not fit for a scene.
-fn has_defects(shape: &Shape) -> bool {
-    let chunks = (0..shape.len()).step_by(CHUNK).collect();
-    let found = parallel::map(chunks, |first: usize| {
-        (first..shape.len().min(first + CHUNK)).any(|prim| shape.defect(prim).is_some())
-    });
-    found.contains(&true)
-}
-
-/// Around all primitives that are fit for a scene.
-fn bounds_of(geometries: &[Geometry]) -> Aabb {
-    let mut all = Aabb::EMPTY;
-    for Geometry { shape, .. } in geometries {
-        let chunks = (0..shape.len()).step_by(CHUNK).collect();
-        let chunks = parallel::map(chunks, |first: usize| {
-            let chunk = first..shape.len().min(first + CHUNK);
-            let sound = chunk.filter(|&prim| shape.defect(prim).is_none());
-            sound.fold(Aabb::EMPTY, |all, prim| all.union(&shape.bounds(prim)))
-        });
-        all = chunks.iter().fold(all, |all, chunk| all.union(chunk));
-    }
-    all
 }

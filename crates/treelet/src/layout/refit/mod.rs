@@ -12,6 +12,12 @@
 //!
 //! Cost: O(n); reads and writes every byte of the layout once.
 
+mod areas;
+mod touch;
+
+pub(crate) use areas::{Areas, Part, areas, half_area, prim_areas, survey, triangles_of, used};
+pub(crate) use touch::touch;
+
 use super::lower::Packed;
 use super::packing::Packing;
 use super::wide::{
@@ -22,8 +28,8 @@ use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages};
-use alloc::collections::BTreeSet;
 use alloc::vec::Vec;
+use areas::ids_of;
 
 /// Nodes that one task sweeps.
 const CHUNK: usize = 1024;
@@ -40,49 +46,9 @@ pub(crate) struct Content<'a, T, I> {
 pub(crate) struct Refitted<const W: usize> {
     pub(crate) wide: Wide<W>,
     pub(crate) bounds: Aabb,
-    /// See [`areas`].
-    pub(crate) areas: f64,
-}
-
-/// The sum of the half areas of all children.
-pub(crate) fn areas<K: Packing<W>, const W: usize>(wide: &Wide<W, K>) -> f64 {
-    let sums = parallel::map_chunks(&wide.nodes, CHUNK, |_, nodes| {
-        let of_node = |node: &K::Node| {
-            let used = used(K::children(node));
-            (0..used).map(|slot| half_area(&K::bounds(node, slot))).sum::<f64>()
-        };
-        nodes.iter().map(of_node).sum::<f64>()
-    });
-    sums.into_iter().sum()
-}
-
-/// What a long random line that meets the root pays: visits of nodes and leaves, each at the same
-/// price, as when nodes were chosen ([`super::collapse`]).
-pub(crate) fn price(areas: f64, root: &Aabb) -> f64 {
-    let root = half_area(root);
-    if root > 0.0 { 1.0 + areas / root } else { 1.0 }
-}
-
-/// In f64, where no area of a scene is too large.
-fn half_area(bounds: &Aabb) -> f64 {
-    let [x, y, z] = [0, 1, 2].map(|axis| f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis]));
-    if x >= 0.0 { x * y + y * z + z * x } else { 0.0 }
-}
-
-/// Slots that hold a child: those before the first that does not.
-#[inline(always)]
-fn used<const W: usize>(children: &[Child; W]) -> usize {
-    children.iter().position(|&child| child == Child::END).unwrap_or(W)
-}
-
-/// Whether a leaf's first entry is a triangle's, and how many it has.
-fn triangles_of<K: Packing<W>, const W: usize>(wide: &Wide<W, K>, child: Child) -> Option<usize> {
-    match child.kind() {
-        ChildKind::Leaf { first, count } if child != Child::END && first < wide.triangles => {
-            Some(count)
-        }
-        _ => None,
-    }
+    pub(crate) areas: Areas,
+    /// Half areas of the boxes of the triangles in the leaves of each node.
+    pub(crate) triangles: Vec<f32>,
 }
 
 /// The same tree around what its leaves hold now; `None` if a triangle is not fit for it.
@@ -105,17 +71,18 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
     let mut nodes = Pages::zeroed(old.nodes.len(), "wide nodes")?;
     let mut words = Pages::zeroed(triangles * TRIANGLE_WORDS + BLOCK_WORDS, "leaf blocks")?;
     let mut boxes = memory::try_filled(Aabb::EMPTY, old.nodes.len(), "boxes of nodes")?;
+    let mut own = memory::try_filled(0.0, old.nodes.len(), "areas of nodes")?;
 
     // Sweep the chunks, each from its end.
     let sweep = Sweep { old, content, triangles };
     let mut rest = &mut *words;
     let mut jobs = Vec::with_capacity(counts.len());
     let mut first = 0;
-    let places = nodes.chunks_mut(CHUNK).zip(boxes.chunks_mut(CHUNK)).zip(counts).enumerate();
-    for (chunk, ((nodes, boxes), count)) in places {
+    let places = nodes.chunks_mut(CHUNK).zip(boxes.chunks_mut(CHUNK)).zip(own.chunks_mut(CHUNK));
+    for (chunk, (((nodes, boxes), areas), count)) in places.zip(counts).enumerate() {
         let (words, after) = rest.split_at_mut(count * TRIANGLE_WORDS);
         rest = after;
-        jobs.push(Chunk { base: chunk * CHUNK, nodes, boxes, words, first });
+        jobs.push(Chunk { base: chunk * CHUNK, nodes, boxes, areas, words, first });
         first += count;
     }
     let swept = parallel::map(jobs, |chunk| {
@@ -125,12 +92,12 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
     let swept = swept.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
 
     // Finish those that waited.
-    let mut sum = 0.0;
+    let mut sum = Areas::default();
     for chunk in swept.into_iter().rev() {
         let Some(Swept { waiting, areas }) = chunk else { return Ok(None) };
-        sum += areas;
+        sum.add(areas);
         for at in waiting {
-            sum += sweep.close(at, &mut nodes, &mut boxes);
+            sum.boxes += sweep.close(at, &mut nodes, &mut boxes);
         }
     }
     let mut root = old.root;
@@ -142,81 +109,8 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
         };
         bounds = around;
     }
-    Ok(Some(Refitted { wide: Wide { nodes, root, words, triangles }, bounds, areas: sum }))
-}
-
-/// The same tree, where only the boxes of some instances changed: those that are `moved`, by their
-/// numbers. `bounds` and `areas` are those of the tree as it is.
-///
-/// Cost: copies the layout and reads the children of every node; then a few steps for each.
-pub(crate) fn touch<const W: usize>(
-    old: &Wide<W>,
-    (bounds, areas): (Aabb, f64),
-    moved: impl Fn(usize) -> bool,
-    instance: impl Fn(usize) -> Aabb,
-) -> Result<Refitted<W>, BuildError> {
-    let mut nodes = Pages::zeroed(old.nodes.len(), "wide nodes")?;
-    nodes.copy_from_slice(&old.nodes);
-    let mut words = Pages::zeroed(old.words.len(), "leaf blocks")?;
-    words.copy_from_slice(&old.words);
-    let around = |first: usize, count: usize| {
-        let entries = first - old.triangles..first - old.triangles + count;
-        entries.map(&instance).fold(Aabb::EMPTY, |all, bounds| all.union(&bounds))
-    };
-
-    // Mend the leaves, and find the way up from each node.
-    let mut areas = areas;
-    let mut parents = memory::try_filled((u32::MAX, 0_u8), nodes.len(), "parents of nodes")?;
-    let mut grown = BTreeSet::new();
-    for (at, node) in nodes.iter_mut().enumerate() {
-        for slot in 0..used(&node.children) {
-            match node.children[slot].kind() {
-                ChildKind::Inner { node: child } => parents[child] = (at as u32, slot as u8),
-                ChildKind::Leaf { first, count } if first >= old.triangles => {
-                    let mut entries = first - old.triangles..first - old.triangles + count;
-                    if entries.any(&moved) {
-                        areas += replace(node, slot, &around(first, count));
-                        grown.insert(at);
-                    }
-                }
-                ChildKind::Leaf { .. } => {}
-            }
-        }
-    }
-
-    // Mend the boxes above, children before parents.
-    while let Some(at) = grown.pop_last() {
-        let bounds = own_box(&nodes[at]);
-        let (parent, slot) = parents[at];
-        if let Some(node) = nodes.get_mut(parent as usize) {
-            areas += replace(node, usize::from(slot), &bounds);
-            grown.insert(parent as usize);
-        }
-    }
-    let bounds = match old.root.kind() {
-        ChildKind::Inner { node } => own_box(&nodes[node]),
-        ChildKind::Leaf { first, count } if old.root != Child::END && first >= old.triangles => {
-            around(first, count)
-        }
-        // Triangles, or nothing at all.
-        ChildKind::Leaf { .. } => bounds,
-    };
-    let wide = Wide { nodes, root: old.root, words, triangles: old.triangles };
-    Ok(Refitted { wide, bounds, areas })
-}
-
-/// Gives a child another box; returns by how much its half area grew.
-fn replace<const W: usize>(node: &mut Node<W>, slot: usize, bounds: &Aabb) -> f64 {
-    let before = half_area(&<Plain as Packing<W>>::bounds(node, slot));
-    let child = node.children[slot];
-    node.set(slot, bounds, child);
-    half_area(bounds) - before
-}
-
-/// The box around a node's children.
-fn own_box<const W: usize>(node: &Node<W>) -> Aabb {
-    let boxes = (0..used(&node.children)).map(|slot| <Plain as Packing<W>>::bounds(node, slot));
-    boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds))
+    let wide = Wide { nodes, root, words, triangles };
+    Ok(Some(Refitted { wide, bounds, areas: sum, triangles: own }))
 }
 
 /// What a chunk is written to.
@@ -225,6 +119,7 @@ struct Chunk<'a, const W: usize> {
     base: usize,
     nodes: &'a mut [Node<W>],
     boxes: &'a mut [Aabb],
+    areas: &'a mut [f32],
     words: &'a mut [f32],
     /// The number of its first triangle.
     first: usize,
@@ -234,8 +129,8 @@ struct Chunk<'a, const W: usize> {
 struct Swept {
     /// Children before parents.
     waiting: Vec<usize>,
-    /// Half areas of the children of nodes that do not wait.
-    areas: f64,
+    /// Of the nodes that do not wait; of primitives all.
+    areas: Areas,
 }
 
 /// What the leaves of a node hold.
@@ -244,12 +139,14 @@ struct Leaves {
     packed: [Packed; SLOTS_MAX * LEAF_MAX],
     /// The number of the next triangle.
     next: usize,
+    /// Half areas of the primitives so far.
+    areas: f64,
 }
 
 impl Leaves {
     fn new(next: usize) -> Self {
         let packed = [Packed::default(); SLOTS_MAX * LEAF_MAX];
-        Self { ids: [0; SLOTS_MAX * LEAF_MAX], packed, next }
+        Self { ids: [0; SLOTS_MAX * LEAF_MAX], packed, next, areas: 0.0 }
     }
 }
 
@@ -268,21 +165,21 @@ where
 {
     /// Writes what can be written without other chunks; `None` if a triangle is unfit.
     fn chunk(&self, chunk: Chunk<'_, W>) -> Option<Swept> {
-        let Chunk { base, nodes, boxes, words, first } = chunk;
+        let Chunk { base, nodes, boxes, areas: own, words, first } = chunk;
         let old = self.old.nodes.get(base..base + nodes.len())?;
 
         // Leaves go forward, as their words do.
         let mut leaves = Leaves::new(first);
         let mut words = words;
-        for (old, node) in old.iter().zip(&mut *nodes) {
+        for ((old, node), own) in old.iter().zip(&mut *nodes).zip(own) {
             *node = Node::EMPTY;
-            words = self.leaves(old, node, words, &mut leaves)?;
+            words = self.leaves(old, node, words, &mut leaves, own)?;
         }
 
         // Boxes go backward.
         let mut waiting = Vec::new();
         let mut waits = alloc::vec![false; nodes.len()];
-        let mut areas = 0.0;
+        let mut areas = Areas { boxes: 0.0, prims: leaves.areas };
         for at in (0..nodes.len()).rev() {
             let node = &mut nodes[at];
             let slots = used(&node.children);
@@ -299,7 +196,7 @@ where
             if waits[at] {
                 waiting.push(base + at);
             } else {
-                areas += self.finish(node, slots, &mut boxes[at]);
+                areas.boxes += self.finish(node, slots, &mut boxes[at]);
             }
         }
         Some(Swept { waiting, areas })
@@ -339,6 +236,7 @@ where
         node: &mut Node<W>,
         words: &'w mut [f32],
         leaves: &mut Leaves,
+        own: &mut f32,
     ) -> Option<&'w mut [f32]> {
         let children = *K::children(old);
         let slots = used(&children);
@@ -346,13 +244,16 @@ where
         // Fetch the triangles of all leaves at once.
         let mut count = 0;
         for &child in &children[..slots] {
-            count += self.ids(child, &mut leaves.ids[count..]);
+            count += ids_of(self.old, child, &mut leaves.ids[count..]);
         }
         if !(self.content.triangles)(&leaves.ids[..count], &mut leaves.packed[..count]) {
             return None;
         }
 
         // Write them leaf by leaf.
+        let areas = prim_areas(&leaves.packed[..count]);
+        leaves.areas += areas;
+        *own = areas as f32;
         let (mut words, rest) = words.split_at_mut(count * TRIANGLE_WORDS);
         let mut packed = &leaves.packed[..count];
         for (slot, &child) in children[..slots].iter().enumerate() {
@@ -367,24 +268,11 @@ where
                 node.children[slot] = child;
             } else {
                 let (child, bounds) = self.instances(child);
+                leaves.areas += half_area(&bounds);
                 node.set(slot, &bounds, child);
             }
         }
         Some(rest)
-    }
-
-    /// The ids of a leaf's triangles; returns how many.
-    fn ids(&self, child: Child, ids: &mut [u32]) -> usize {
-        let (Some(count), ChildKind::Leaf { first, .. }) =
-            (triangles_of(self.old, child), child.kind())
-        else {
-            return 0;
-        };
-        let leaf = K::leaf(&self.old.words, first);
-        for (triangle, id) in ids.iter_mut().enumerate().take(count) {
-            *id = K::id(leaf, count, triangle);
-        }
-        count
     }
 
     /// A leaf of instances, numbered anew, and its box.
@@ -409,7 +297,7 @@ where
             (*new, bounds) = self.instances(old);
             return Some(bounds);
         };
-        self.ids(old, &mut leaves.ids);
+        ids_of(self.old, old, &mut leaves.ids);
         let packed = &mut leaves.packed[..count];
         if !(self.content.triangles)(&leaves.ids[..count], packed) {
             return None;

@@ -1,0 +1,78 @@
+//! Where triangles are, for leaves that are written anew.
+
+use crate::bounds::Aabb;
+use crate::context::parallel;
+use crate::geometry::mesh::COORDINATE_MAX;
+use crate::geometry::{Mesh, Shape};
+use crate::layout::lower::Packed;
+use crate::trace::structure::{Geometry, Structure};
+
+/// Primitives whose box is found by one task.
+const CHUNK: usize = 16_384;
+
+/// Where triangles are now.
+pub(super) struct Moved<'a> {
+    pub(super) geometries: &'a [Geometry],
+    /// Whose ids they are named by.
+    pub(super) before: &'a Structure,
+}
+
+impl Moved<'_> {
+    /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
+    /// Whether all triangles are fit for a scene.
+    pub(super) fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
+        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
+            return fetch_of(mesh, ids, packed);
+        }
+        let mut fit = true;
+        for (&id, packed) in ids.iter().zip(packed) {
+            let (geom, prim) = self.before.name(id);
+            let Shape::Mesh(mesh) = &self.geometries[geom as usize].shape else { return false };
+            fit &= mesh.defect(prim as usize).is_none();
+            *packed = Packed { corners: mesh.corners(prim as usize).unwrap_or_default(), id };
+        }
+        fit
+    }
+}
+
+/// Triangles of the only mesh.
+fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
+    let (positions, triangles) = (mesh.positions(), mesh.triangles());
+    for (&id, packed) in ids.iter().zip(&mut *packed) {
+        let [a, b, c] = triangles[id as usize];
+        *packed = Packed { corners: [[0.0; 3]; 3], id };
+        packed.corners[0] = [a, b, c].map(f32::from_bits);
+    }
+    let mut fit = true;
+    for packed in packed {
+        let [a, b, c] = packed.corners[0].map(f32::to_bits);
+        let corner = |at: u32| positions.get(at as usize).copied().unwrap_or([f32::NAN; 3]);
+        packed.corners = [corner(a), corner(b), corner(c)];
+        fit &= packed.corners.iter().flatten().all(|x| x.abs() <= COORDINATE_MAX);
+    }
+    fit
+}
+
+/// Whether a primitive is not fit for a scene.
+pub(super) fn has_defects(shape: &Shape) -> bool {
+    let chunks = (0..shape.len()).step_by(CHUNK).collect();
+    let found = parallel::map(chunks, |first: usize| {
+        (first..shape.len().min(first + CHUNK)).any(|prim| shape.defect(prim).is_some())
+    });
+    found.contains(&true)
+}
+
+/// Around all primitives that are fit for a scene.
+pub(super) fn bounds_of(geometries: &[Geometry]) -> Aabb {
+    let mut all = Aabb::EMPTY;
+    for Geometry { shape, .. } in geometries {
+        let chunks = (0..shape.len()).step_by(CHUNK).collect();
+        let chunks = parallel::map(chunks, |first: usize| {
+            let chunk = first..shape.len().min(first + CHUNK);
+            let sound = chunk.filter(|&prim| shape.defect(prim).is_none());
+            sound.fold(Aabb::EMPTY, |all, prim| all.union(&shape.bounds(prim)))
+        });
+        all = chunks.iter().fold(all, |all, chunk| all.union(chunk));
+    }
+    all
+}

@@ -1,0 +1,145 @@
+//! Layouts with new boxes or new parts: the same steps for each of them.
+
+use crate::bounds::Aabb;
+use crate::build::BuildError;
+use crate::context::Cancel;
+use crate::layout::compact::pack::pack;
+use crate::layout::lower::Packed;
+use crate::layout::refit::{self, Areas, Content, Part, Refitted, refit};
+use crate::layout::repair::{Repaired, repair};
+use crate::scene::SceneError;
+use crate::scene::assemble::COVER_MAX;
+use crate::scene::upkeep::Standing;
+use crate::trace::structure::Layout;
+use crate::tree::Tree;
+use alloc::sync::Arc;
+use alloc::vec::Vec;
+
+/// A tree that followed what moved, before it is packed.
+pub(super) enum Mended {
+    Wide8(Refitted<8>),
+    Wide16(Refitted<16>),
+    Compact(Refitted<16>),
+}
+
+/// What a repair made.
+pub(super) struct Repair {
+    pub(super) mended: Mended,
+    pub(super) prices: Vec<f32>,
+    pub(super) kept: usize,
+    pub(super) loose: usize,
+}
+
+/// Does the same with the tree of any layout.
+macro_rules! each {
+    ($mended:expr, $it:ident => $what:expr) => {
+        match $mended {
+            Mended::Wide8($it) => $what,
+            Mended::Wide16($it) | Mended::Compact($it) => $what,
+        }
+    };
+}
+
+impl Mended {
+    pub(super) fn areas(&self) -> Areas {
+        each!(self, it => it.areas)
+    }
+
+    pub(super) fn bounds(&self) -> Aabb {
+        each!(self, it => it.bounds)
+    }
+
+    /// The layout that walks read, a few boxes that together contain everything, and the areas of each node's triangles.
+    pub(super) fn finish(
+        mut self,
+        cancel: &Cancel,
+    ) -> Result<(Layout, Vec<Aabb>, Vec<f32>), SceneError> {
+        let cover = each!(&self, it => it.cover(COVER_MAX));
+        let triangles = each!(&mut self, it => core::mem::take(&mut it.triangles));
+        let layout = match self {
+            Self::Wide8(it) => Layout::Wide8(it.wide),
+            Self::Wide16(it) => Layout::Wide16(it.wide),
+            Self::Compact(it) => Layout::Compact(pack(&it.wide, cancel)?),
+        };
+        Ok((layout, cover, triangles))
+    }
+
+    /// See [`repair`].
+    pub(super) fn repair(
+        &self,
+        prices: &[f32],
+        build: impl FnOnce(&[Aabb]) -> Result<Tree, BuildError>,
+        cancel: &Cancel,
+    ) -> Result<Option<Repair>, BuildError> {
+        fn made<const W: usize>(it: Repaired<W>, layout: fn(Refitted<W>) -> Mended) -> Repair {
+            let Repaired { refitted, prices, kept, loose } = it;
+            Repair { mended: layout(refitted), prices, kept, loose }
+        }
+        Ok(match self {
+            Self::Wide8(it) => repair(it, prices, build, cancel)?.map(|it| made(it, Self::Wide8)),
+            Self::Wide16(it) => repair(it, prices, build, cancel)?.map(|it| made(it, Self::Wide16)),
+            Self::Compact(it) => {
+                repair(it, prices, build, cancel)?.map(|it| made(it, Self::Compact))
+            }
+        })
+    }
+}
+
+/// All boxes anew; `None` if a triangle is not fit.
+pub(super) fn sweep(
+    layout: &Layout,
+    content: &Content<
+        '_,
+        impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
+        impl Fn(usize) -> Aabb + Sync,
+    >,
+    cancel: &Cancel,
+) -> Result<Option<Mended>, BuildError> {
+    Ok(match layout {
+        Layout::Wide8(wide) => refit(wide, content, cancel)?.map(Mended::Wide8),
+        Layout::Wide16(wide) => refit(wide, content, cancel)?.map(Mended::Wide16),
+        Layout::Compact(wide) => refit(wide, content, cancel)?.map(Mended::Compact),
+    })
+}
+
+/// The boxes of a few instances anew, and those that they are in; `None` where a layout cannot.
+pub(super) fn touched(
+    layout: &Layout,
+    tree: (Aabb, Areas, &[f32]),
+    moved: impl Fn(usize) -> bool,
+    instance: impl Fn(usize) -> Aabb,
+) -> Result<Option<Mended>, BuildError> {
+    Ok(match layout {
+        Layout::Wide8(wide) => Some(Mended::Wide8(refit::touch(wide, tree, moved, instance)?)),
+        Layout::Wide16(wide) => Some(Mended::Wide16(refit::touch(wide, tree, moved, instance)?)),
+        Layout::Compact(_) => None,
+    })
+}
+
+/// What a tree is worth that is as it was built.
+pub(super) fn appraise(
+    layout: &Layout,
+    content: &Content<
+        '_,
+        impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
+        impl Fn(usize) -> Aabb + Sync,
+    >,
+) -> Standing {
+    macro_rules! appraised {
+        ($wide:expr) => {{
+            let (areas, triangles) = refit::areas($wide, content);
+            let prices = refit::survey($wide, &triangles).iter().map(Part::price).collect();
+            Standing {
+                built: areas.price(),
+                areas,
+                prices: Arc::new(prices),
+                triangles: triangles.into(),
+            }
+        }};
+    }
+    match layout {
+        Layout::Wide8(wide) => appraised!(wide),
+        Layout::Wide16(wide) => appraised!(wide),
+        Layout::Compact(wide) => appraised!(wide),
+    }
+}
