@@ -113,7 +113,7 @@ impl<'a, const N: usize> Function for MovingTest<'a, N> {
         (t_min, t_max, along): (f32, f32, f32),
     ) -> BlockHits {
         let count = (count - 1) % LANES + 1;
-        let steps = [Rows { rows: *before, count }, Rows { rows: *then, count }];
+        let steps = [Rows { rows: before, count }, Rows { rows: then, count }];
         hit(simd, Moving { steps, along }, count, ray, slab, clip, (t_min, t_max))
     }
 }

@@ -312,3 +312,62 @@ pub(crate) fn box_between(a: &Aabb, b: &Aabb, along: f32) -> Aabb {
     };
     Aabb { lo: mix(a.lo, b.lo), hi: mix(a.hi, b.hi) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{Span, line};
+    use crate::layout::compact::Random;
+    use crate::math::pose::{Moment, between};
+    use alloc::vec::Vec;
+
+    /// Planes along lines against the coordinates of vertices, each evaluated as walks and triangles do it.
+    #[test]
+    fn lines_are_outside_of_every_corner_at_every_moment() {
+        let mut random = Random(0x11E5);
+        let mut near = 0;
+        for round in 0..4000 {
+            let (steps, vertices) = (2 + round % 5, 1 + round % 4);
+            let size = [1.0, 1e-30, 1e-38, 1e18, 3.0][round % 5];
+            let offset = [0.0, 0.0, 1e-38, 4e18, 148_376.0][(round / 5) % 5] * random.unit();
+            let way: Vec<Vec<f32>> = (0..steps)
+                .map(|_| (0..vertices).map(|_| offset + random.between(-size, size)).collect())
+                .collect();
+            let last = (steps - 1) as f32;
+            // The whole way, a step, a part of a step.
+            let start = [0.0, 0.0, last - 0.25][round % 3];
+            let span = Span { start, end: [last, 1.0, last][round % 3] };
+            let at = |place: f32, vertex: usize| {
+                let Moment { step, next, along, .. } = Moment::at(place, steps);
+                between(way[step][vertex], way[next][vertex], along)
+            };
+            let inner = (1..steps).map(|step| step as f32);
+            let inner = inner.filter(|&at| span.start < at && at < span.end);
+            let samples: Vec<f32> =
+                [span.start].into_iter().chain(inner).chain([span.end]).collect();
+            let length = f64::from(span.end - span.start);
+            let shares: Vec<f64> =
+                samples.iter().map(|at| f64::from(at - span.start) / length).collect();
+            let values =
+                || samples.iter().flat_map(|&place| (0..vertices).map(move |v| (place, v)));
+            let largest = values().fold(0.0_f32, |most, (p, v)| most.max(at(p, v).abs()));
+            for upper in [false, true] {
+                let outer = |place: f32| {
+                    let all = (0..vertices).map(|vertex| at(place, vertex));
+                    if upper { all.fold(f32::MIN, f32::max) } else { all.fold(f32::MAX, f32::min) }
+                };
+                let way: Vec<f64> = samples.iter().map(|&place| f64::from(outer(place))).collect();
+                let (base, change) = line(&way, &shares, upper, largest);
+                let delta = (change / length) as f32;
+                for _ in 0..24 {
+                    let passed = random.unit() * (span.end - span.start);
+                    let plane = base + passed * delta;
+                    let corner = outer(span.start + passed);
+                    let outside = if upper { plane >= corner } else { plane <= corner };
+                    assert!(outside, "{upper} {way:?} {passed}: {plane} {corner}");
+                    near += usize::from((plane - corner).abs() <= 1e-5 * largest);
+                }
+            }
+        }
+        assert!(near > 10_000, "{near} were near");
+    }
+}

@@ -153,3 +153,68 @@ fn widened(bounds: &Aabb, by: f64) -> Aabb {
         hi: bounds.hi.map(|x| rounding::up(f64::from(x) + by)),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::Motion;
+    use crate::bounds::Aabb;
+    use crate::math::Affine;
+    use crate::math::pose::{Moment, Path};
+    use alloc::vec::Vec;
+
+    /// Numbers without a pattern (`verify`, which has better ones, stands below this folder).
+    struct Random(u64);
+
+    impl Random {
+        fn between(&mut self, low: f32, high: f32) -> f32 {
+            self.0 = self.0.wrapping_mul(0x5851_F42D_4C95_7F2D).wrapping_add(0x1405_7B7E_F767_814F);
+            low + (high - low) * ((self.0 >> 40) as f32 / (1 << 24) as f32)
+        }
+
+        fn vector(&mut self, size: f32) -> [f32; 3] {
+            [(); 3].map(|()| self.between(-size, size))
+        }
+    }
+
+    #[test]
+    fn boxes_contain_what_turns_inside() {
+        let mut random = Random(0x0B0E);
+        for round in 0..300 {
+            let steps = 2 + round % 3;
+            let maps: Vec<Affine> = (0..steps)
+                .map(|_| {
+                    let scales = [(); 3].map(|()| random.between(0.05, 3.0));
+                    Affine::translation(random.vector(5.0))
+                        .then_from(&Affine::rotation(random.vector(1.0), random.between(-3.1, 3.1)))
+                        .then_from(&Affine::scaling(scales))
+                })
+                .collect();
+            let path = Path::new(&maps).unwrap();
+            // Near the axis, and far from it.
+            let center = random.vector([1.0, 50.0][round % 2]);
+            let edge = random.between(0.01, 2.0);
+            let cover = [Aabb { lo: center, hi: center.map(|x| x + edge) }];
+            let motion = Motion::new(path.clone(), &cover);
+            for _ in 0..64 {
+                let time = random.between(0.0, 1.0);
+                let map = path.at(Moment::new(time, steps));
+                let bounds = motion.bounds(time);
+                assert!(motion.around().contains(&bounds), "{time}");
+                let span = (time * 8.0) as usize as f32;
+                let during = motion.during([span / 8.0, (span + 1.0) / 8.0]);
+                assert!(during.contains(&bounds), "{time} {during:?} {bounds:?}");
+                for corner in 0..8 {
+                    let p = [0, 1, 2].map(|axis: usize| {
+                        let Aabb { lo, hi } = cover[0];
+                        f64::from(if corner >> axis & 1 == 0 { lo } else { hi }[axis])
+                    });
+                    for (axis, [a, b, c, d]) in map.into_iter().enumerate() {
+                        let at = a * p[0] + b * p[1] + c * p[2] + d;
+                        let (lo, hi) = (f64::from(bounds.lo[axis]), f64::from(bounds.hi[axis]));
+                        assert!(lo <= at && at <= hi, "{round} {time}: {lo} {at} {hi}");
+                    }
+                }
+            }
+        }
+    }
+}
