@@ -13,6 +13,8 @@ pub struct Triangles {
     pub positions: Array<[f32; 3]>,
     /// Vertex indices of each triangle, all of them in range.
     pub indices: Array<[u32; 3]>,
+    /// Where the vertices are at time 1, if they move; [`Triangles::positions`] are those of time 0.
+    pub later: Option<Array<[f32; 3]>>,
 }
 
 impl Triangles {

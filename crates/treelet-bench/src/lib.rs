@@ -14,6 +14,7 @@ pub mod crew;
 pub mod engine;
 pub mod figure;
 pub mod marks;
+pub mod motion;
 pub mod page;
 pub mod peak;
 pub mod rays;

@@ -170,7 +170,11 @@ pub(crate) fn scene_with(
     more: &[&dyn Optimizer],
     context: Context<'_>,
 ) -> Result<Scene, EngineError> {
-    let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
+    let (positions, indices) = (triangles.positions.clone(), triangles.indices.clone());
+    let mesh = match &triangles.later {
+        None => Mesh::new(positions, indices),
+        Some(later) => Mesh::moving([positions, later.clone()], indices),
+    };
     build(variant, Scene::builder().mesh(mesh), more, context)
 }
 

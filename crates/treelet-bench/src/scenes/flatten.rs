@@ -61,7 +61,7 @@ pub fn flatten(model: &Model) -> Result<Triangles, FlattenError> {
         return Err(FlattenError::Empty);
     }
     positions.push([0.0; 3]);
-    Ok(Triangles { positions: positions.into(), indices: indices.into() })
+    Ok(Triangles { positions: positions.into(), indices: indices.into(), later: None })
 }
 
 /// Adds a mesh, its points moved and its indices to where these went, without triangles that have a

@@ -49,7 +49,7 @@ fn triangles(object: &Object) -> Result<Triangles, FlattenError> {
         add(&part.mesh, |position| position, &mut positions, &mut indices);
     }
     positions.push([0.0; 3]);
-    Ok(Triangles { positions: positions.into(), indices: indices.into() })
+    Ok(Triangles { positions: positions.into(), indices: indices.into(), later: None })
 }
 
 #[cfg(test)]

@@ -4,10 +4,12 @@ use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
 use super::gather::{Names, Prims, add_triangles, first_ids, other_boxes};
 use super::improve;
+use super::moving::{self, Moving};
 use super::open;
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
+use super::travel;
 use super::{Plan, Quality, Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
@@ -18,6 +20,7 @@ use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
+use crate::trace::moving::MovingMesh;
 use crate::trace::placements::{Instance, Instances, Part};
 use crate::trace::structure::{Geometry, Layout, Structure};
 use crate::tree::{Kind, PRIMS_MAX, Tree};
@@ -52,6 +55,7 @@ pub(super) struct Gathered {
     geometries: Vec<Geometry>,
     first_ids: Vec<u32>,
     placements: Placements,
+    moving: Vec<Moving>,
     prims: Prims,
     report: BuildReport,
     clock: Stopwatch,
@@ -67,9 +71,13 @@ impl Gathered {
         let mut report = BuildReport::default();
         let SceneBuilder { geometries, instances } = description;
         let first_ids = first_ids(&geometries)?;
-        let others = other_boxes(&geometries, &first_ids, options, &mut report)?;
+        let mut others = other_boxes(&geometries, &first_ids, options, &mut report)?;
+        let moving = moving::gather(&geometries, &first_ids, options, &mut report)?;
+        others.extend(moving.iter().map(|mesh| (mesh.first_id, mesh.bounds)));
+        others.sort_unstable_by_key(|(id, _)| *id);
         let meshes = geometries.iter().enumerate();
         let meshes = meshes.filter_map(|(geom, geometry)| Some((geom, geometry.mesh()?)));
+        let meshes = meshes.filter(|(_, mesh)| !mesh.is_moving());
         let triangles: usize = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
         let budget = open::budget(instances.len(), options);
         let singles = instances.len() + others.len();
@@ -93,8 +101,8 @@ impl Gathered {
                 u32::try_from(number).map_err(|_| BuildError::TooManyPrims { prims: number })?;
             prims.add_single(number, bounds);
         }
-        report.triangles = prims.triangles as u64;
-        Ok(Self { geometries, first_ids, placements, prims, report, clock })
+        report.triangles += prims.triangles as u64;
+        Ok(Self { geometries, first_ids, placements, moving, prims, report, clock })
     }
 
     /// What leaves will hold.
@@ -116,7 +124,7 @@ impl Gathered {
         again: bool,
     ) -> Result<Scene, SceneError> {
         let (mut tree, mut report) = self.tree(plan, options)?;
-        let Self { geometries, first_ids, placements, prims, clock, .. } = self;
+        let Self { geometries, first_ids, placements, moving, prims, clock, .. } = self;
         if report.tree.leaf_max as usize > LEAF_MAX || !prims.singles.is_empty() {
             tree = split_leaves(tree, prims.bounds(), prims.triangles);
         }
@@ -128,7 +136,9 @@ impl Gathered {
         };
         let content =
             Content { geometries, first_ids, placements: Placements { instances, ..*placements } };
-        let structure = finish(content, prims, &tree, plan.collapse, options, again)?;
+        let mut structure = finish(content, prims, &tree, plan.collapse, options, again)?;
+        moving::build(&mut structure, moving, plan, options)?;
+        travel::split(&mut structure, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         let (structure, report) = (Arc::new(structure), Arc::new(report));
@@ -268,10 +278,14 @@ impl Level {
         Structure {
             repeats: self.repeats,
             level,
-            flat: instances.is_empty() && geometries.iter().all(|it| it.mesh().is_some()),
+            flat: instances.is_empty()
+                && geometries.iter().all(|it| it.mesh().is_some_and(|mesh| !mesh.is_moving())),
             unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
             geometries,
             first_ids,
+            moves: instances.blocks.iter().any(|block| block.moves),
+            moving: Vec::new(),
+            spans: Vec::new(),
             instances,
             layout,
             bounds,
@@ -363,6 +377,7 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let bytes = level.layout.bytes() + level.instances.bytes();
-    bytes as u64
+    let moving = level.moving.iter().map(MovingMesh::bytes).sum::<usize>();
+    let spans = level.spans.iter().map(Layout::bytes).sum::<usize>();
+    (level.layout.bytes() + spans + level.instances.bytes() + moving) as u64
 }

@@ -350,7 +350,7 @@ fn are_near([a, b, c]: &[F4; 3]) -> bool {
 }
 
 #[cold]
-fn skip(skipped: &mut Skipped, (geom, prim): (usize, usize), defect: Defect) {
+pub(super) fn skip(skipped: &mut Skipped, (geom, prim): (usize, usize), defect: Defect) {
     skipped.triangles += 1;
     match defect {
         Defect::IndexOutOfRange { .. } => skipped.index_out_of_range += 1,

@@ -57,6 +57,10 @@ pub(super) fn parts(instances: &Instances, budget: usize) -> Vec<(Part, Aabb)> {
         return Vec::new();
     }
     let whole = instances.iter().enumerate().filter_map(|(at, instance)| {
+        // What moves is not where its boxes are, or has several trees.
+        if instance.motion.is_some() || !instance.structure.spans.is_empty() {
+            return None;
+        }
         let start = instance.structure.layout.root();
         let part = Part { instance: at as u32, start };
         Candidate::unseen(part, None, half_area(&instance.bounds()))

@@ -2,14 +2,15 @@
 
 use super::builder::{BuildOptions, Crowd, Invalid, Placed};
 use super::report::BuildReport;
-use super::{InstanceDefect, SceneError};
+use super::{InstanceDefect, SceneError, travel};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::math::{Affine, affine};
 use crate::memory;
+use crate::trace::motion::Motion;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
-use crate::trace::slack::{self, Near, Slack, Stretch};
+use crate::trace::slack::{self, Near, Norms, Slack};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -19,7 +20,7 @@ const FIDELITY: f64 = 1.0 / 1024.0;
 
 /// Maps may lengthen and shorten by this much: a ray of any common length then stays, seen from
 /// inside, within the lengths at which rays are answered (`Ray::is_valid`).
-const SCALE_MAX: f64 = (1_u128 << 80) as f64;
+pub(super) const SCALE_MAX: f64 = (1_u128 << 80) as f64;
 
 /// The instances of a level, and what follows from where they are.
 pub(super) struct Placements {
@@ -48,9 +49,10 @@ pub(super) fn parts(placed: Crowd) -> Vec<Part> {
 impl Placed {
     /// An instance as the caller gave it.
     pub(super) fn again(instance: &Instance) -> Self {
-        let Instance { structure, world_from_object, mask, .. } = instance;
+        let Instance { structure, world_from_object, mask, motion, .. } = instance;
         let (world_from_object, mask) = (*world_from_object, *mask);
-        Self { structure: Arc::clone(structure), world_from_object, mask }
+        let steps = motion.as_ref().map(|motion| motion.path.maps().into());
+        Self { structure: Arc::clone(structure), world_from_object, mask, steps }
     }
 }
 
@@ -116,7 +118,7 @@ type Defects = Vec<(usize, InstanceDefect)>;
 /// A block of instances that are where they are, their boxes not widened if they are new.
 enum Located {
     Kept(Arc<Block>),
-    New { block: Block, stretches: Vec<Stretch>, defects: Defects },
+    New { block: Block, all_norms: Vec<Norms>, defects: Defects },
 }
 
 impl Located {
@@ -130,20 +132,28 @@ impl Located {
             repeats: false,
             empty: 0,
             layouts: 0,
+            moves: false,
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
-        let mut stretches = Vec::with_capacity(placed.len());
+        let mut all_norms = Vec::with_capacity(placed.len());
         for (at, placed) in placed.into_iter().enumerate() {
-            let place = locate(&placed).unwrap_or_else(|defect| {
+            let located = match &placed.steps {
+                None => locate(&placed),
+                Some(steps) => travel::locate(&placed.structure, steps),
+            };
+            let place = located.unwrap_or_else(|defect| {
                 defects.push((at, defect));
                 Place::NOWHERE
             });
-            let Placed { structure, world_from_object, mask } = placed;
-            let Place { object_from_world, bounds, reach, stretch } = place;
-            stretches.push(stretch);
+            let Placed { structure, world_from_object, mask, .. } = placed;
+            let Place { object_from_world, bounds, reach, norms, motion } = place;
+            all_norms.push(norms);
             if !bounds.is_empty() {
-                let limit = Near::limit(&structure.slack, &object_from_world);
+                let limit = match &motion {
+                    None => Near::limit(&structure.slack, &object_from_world),
+                    Some(motion) => travel::limit(&structure.slack, motion),
+                };
                 block.limit = block.limit.min(limit);
             }
             block.reach = block.reach.union(&reach);
@@ -151,12 +161,20 @@ impl Located {
             block.repeats |= structure.repeats;
             block.empty += u64::from(structure.bounds.is_empty());
             block.layouts |= structure.layout.bit();
+            block.moves |= structure.moves | motion.is_some();
             let columns = Instance::columns(&object_from_world);
             let (corners, rank) = (Instance::corners(&bounds), 0);
-            let placed = Instance { columns, corners, structure, rank, mask, world_from_object };
-            block.items.push(placed);
+            block.items.push(Instance {
+                columns,
+                corners,
+                structure,
+                rank,
+                mask,
+                motion,
+                world_from_object,
+            });
         }
-        Self::New { block, stretches, defects }
+        Self::New { block, all_norms, defects }
     }
 
     fn block(&self) -> &Block {
@@ -168,28 +186,32 @@ impl Located {
 
     /// With boxes for what is near, and ranks from `rank` on; and what is wrong with that.
     fn widened(self, near: Near, rank: u64) -> (Arc<Block>, Defects) {
-        let (mut block, stretches) = match self {
-            Self::New { block, stretches, .. } => (block, stretches),
+        let (mut block, all_norms) = match self {
+            Self::New { block, all_norms, .. } => (block, all_norms),
             Self::Kept(block) if block.near == near && block.first_rank() == Some(rank) => {
                 return (block, Vec::new());
             }
             Self::Kept(block) => match Self::new(block.items.iter().map(Placed::again).collect()) {
-                Self::New { block, stretches, .. } => (block, stretches),
+                Self::New { block, all_norms, .. } => (block, all_norms),
                 Self::Kept(block) => return (block, Vec::new()),
             },
         };
         let mut defects = Vec::new();
         let mut next = rank;
-        for (at, (instance, stretch)) in block.items.iter_mut().zip(&stretches).enumerate() {
+        for (at, (instance, norms)) in block.items.iter_mut().zip(&all_norms).enumerate() {
             instance.rank = next;
             next = next.saturating_add(instance.structure.paths);
             let bounds = instance.bounds();
             if bounds.is_empty() {
                 continue;
             }
-            let (by, far_share) = near.widening_of(&instance.structure.slack, *stretch);
+            let (bounds, far_share) = if instance.motion.is_some() {
+                travel::widen(instance, near)
+            } else {
+                let (by, far_share) = near.widening_of(&instance.structure.slack, *norms);
+                (bounds.widened(by), far_share)
+            };
             block.far_share = block.far_share.max(far_share);
-            let bounds = bounds.widened(by);
             instance.set_bounds(&bounds);
             if !is_near(&bounds) {
                 let Aabb { lo, hi } = bounds;
@@ -222,20 +244,23 @@ fn report_defects(
 }
 
 /// Where an instance is.
-struct Place {
-    object_from_world: Affine,
-    bounds: Aabb,
-    reach: Aabb,
-    /// What [`Near::widening_of`] asks for.
-    stretch: Stretch,
+pub(super) struct Place {
+    pub(super) object_from_world: Affine,
+    pub(super) bounds: Aabb,
+    pub(super) reach: Aabb,
+    /// What [`Near::widening_of`] asks for where nothing moves.
+    pub(super) norms: Norms,
+    /// How it moves; the bounds are not widened yet.
+    pub(super) motion: Option<Arc<Motion>>,
 }
 
 impl Place {
-    const NOWHERE: Self = Self {
+    pub(super) const NOWHERE: Self = Self {
         object_from_world: Affine::IDENTITY,
         bounds: Aabb::EMPTY,
         reach: Aabb::EMPTY,
-        stretch: [0.0; 4],
+        norms: [0.0; 4],
+        motion: None,
     };
 }
 
@@ -271,8 +296,8 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     };
     let reach = whole.union(&bounds);
     let Aabb { lo, hi } = reach;
-    let stretch = slack::stretch(&object_from_world, &exact);
-    let place = Place { object_from_world, bounds, reach, stretch };
+    let norms = slack::norms(&object_from_world, &exact);
+    let place = Place { object_from_world, bounds, reach, norms, motion: None };
     if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
 }
 
@@ -292,6 +317,6 @@ fn largest(map: &[[f64; 4]; 3]) -> f64 {
     map.iter().flat_map(|row| &row[..3]).fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
-fn is_near(bounds: &Aabb) -> bool {
+pub(super) fn is_near(bounds: &Aabb) -> bool {
     bounds.lo.iter().chain(&bounds.hi).all(|x| x.abs() <= COORDINATE_MAX)
 }

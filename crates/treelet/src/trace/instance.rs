@@ -44,17 +44,34 @@ where
         if instance.mask & ray.mask == 0 {
             return Child::NONE;
         }
-        let inside = frame.ray.slab.interval_of_lanes(simd, &instance.corners);
+        let moved;
+        let corners = match &instance.motion {
+            None => &instance.corners,
+            Some(motion) => {
+                moved = motion.corners(ray.time);
+                &moved
+            }
+        };
+        let inside = frame.ray.slab.interval_of_lanes(simd, corners);
         let clip = inside.intersection(&frame.ray.clip);
         if clip.is_empty() || clip.entry > t_max || clip.exit < ray.t_min {
             return Child::NONE;
         }
         let structure = &*instance.structure;
-        let Some(inner) = frame.ray.enter(simd, &instance.columns, clip, structure) else {
+        let turned;
+        let columns = match &instance.motion {
+            None => &instance.columns,
+            Some(motion) => {
+                let Some(columns) = motion.columns(ray.time) else { return Child::NONE };
+                turned = columns;
+                &turned
+            }
+        };
+        let Some(inner) = frame.ray.enter(simd, columns, clip, structure) else {
             return Child::NONE;
         };
         // Building refuses instances of another layout.
-        let Some(wide) = structure.layout.get() else { return Child::NONE };
+        let Some(wide) = structure.layout_at(ray.time).get() else { return Child::NONE };
         counters.instance();
         let inst = frame.inst + instance.rank;
         frames.push(*frame);

@@ -1,5 +1,6 @@
 //! The instances of a level, in blocks that snapshots share: an edit of one copies its block, not all.
 
+use super::motion::Motion;
 use super::slack::Near;
 use super::structure::Structure;
 use crate::bounds::Aabb;
@@ -24,7 +25,8 @@ pub(crate) const BLOCK: usize = 256;
 /// | 96..104  | `structure`         |
 /// | 104..112 | `rank`              |
 /// | 112..116 | `mask`              |
-/// | 116..164 | `world_from_object` |
+/// | 120..128 | `motion`            |
+/// | 128..176 | `world_from_object` |
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Instance {
@@ -38,7 +40,10 @@ pub(crate) struct Instance {
     /// What this instance adds to the rank of the path that leads to this level.
     pub(crate) rank: u64,
     pub(crate) mask: u32,
-    /// As the caller gave it.
+    /// How it moves, if it does: the map and the box above are then those of its first time step, and around it at
+    /// all times.
+    pub(crate) motion: Option<Arc<Motion>>,
+    /// As the caller gave it; of the first time step, if it moves.
     pub(crate) world_from_object: Affine,
 }
 
@@ -103,6 +108,8 @@ pub(crate) struct Block {
     pub(crate) empty: u64,
     /// The layouts of what they place, a bit each: `Layout::bit`.
     pub(crate) layouts: u8,
+    /// Whether one of them moves, or something in it.
+    pub(crate) moves: bool,
     /// What their boxes were widened for.
     pub(crate) near: Near,
 }

@@ -153,6 +153,7 @@ functions! {
     release_geometry "rtcReleaseGeometry": fn(Handle);
     commit_geometry "rtcCommitGeometry": fn(Handle);
     set_geometry_quality "rtcSetGeometryBuildQuality": fn(Handle, c_int);
+    set_time_steps "rtcSetGeometryTimeStepCount": fn(Handle, c_uint);
     set_shared_buffer "rtcSetSharedGeometryBuffer":
         fn(Handle, c_int, c_uint, c_int, *const c_void, usize, usize, usize);
     set_instanced_scene "rtcSetGeometryInstancedScene": fn(Handle, Handle);

@@ -236,16 +236,20 @@ fn geometry(device: &Device, manner: Manner, triangles: &Triangles) -> Handle {
     // end (`Triangles` made by `flatten` and `placed`).
     unsafe {
         let geometry = (functions.new_geometry)(device.handle, GEOMETRY_TRIANGLE);
-        (functions.set_shared_buffer)(
-            geometry,
-            BUFFER_VERTEX,
-            0,
-            FORMAT_FLOAT3,
-            positions.as_ptr().cast(),
-            0,
-            12,
-            positions.len(),
-        );
+        let steps = [Some(positions), triangles.later.as_ref()];
+        (functions.set_time_steps)(geometry, steps.iter().flatten().count() as u32);
+        for (slot, positions) in steps.into_iter().flatten().enumerate() {
+            (functions.set_shared_buffer)(
+                geometry,
+                BUFFER_VERTEX,
+                slot as u32,
+                FORMAT_FLOAT3,
+                positions.as_ptr().cast(),
+                0,
+                12,
+                positions.len(),
+            );
+        }
         (functions.set_shared_buffer)(
             geometry,
             BUFFER_INDEX,

@@ -83,7 +83,7 @@ macro_rules! passes {
                     origin: [0, 1, 2].map(|a| axis(&|ray| ray.origin[a])),
                     t_near: axis(&|ray| ray.t_min),
                     direction: [0, 1, 2].map(|a| axis(&|ray| ray.direction[a])),
-                    time: [0.0; $width],
+                    time: axis(&|ray| ray.time),
                     t_far: axis(&|ray| ray.t_max),
                     mask: [u32::MAX; $width],
                     id: [0; $width],

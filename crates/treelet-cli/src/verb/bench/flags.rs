@@ -82,6 +82,13 @@ pub(crate) struct Flags {
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     slice: Vec<u64>,
 
+    /// Measure what motion costs, one ray a call on one thread: every vertex on a straight way of its own, at most this part
+    /// of the scene's diagonal long, against the same scene standing still; and a propeller that turns once, with
+    /// temporal splits against without.
+    #[arg(long, value_name = "SPEED", value_parser = speed)]
+    #[arg(conflicts_with_all = ["figure", "order", "slice", "peak_of"])]
+    pub(super) moving: Option<f32>,
+
     #[command(flatten)]
     pub(super) figure: FigureFlags,
 
@@ -138,6 +145,11 @@ enum ClockFlag {
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=3600.0).contains(seconds));
     seconds.ok_or_else(|| "give seconds in 0 ..= 3600".to_owned())
+}
+
+fn speed(text: &str) -> Result<f32, String> {
+    let speed = text.parse::<f32>().ok().filter(|speed| (0.0..=1.0).contains(speed));
+    speed.ok_or_else(|| "give a part of the scene's diagonal in 0 ..= 1".to_owned())
 }
 
 /// What the flags ask for; `rays` and `rounds` where they do not say.

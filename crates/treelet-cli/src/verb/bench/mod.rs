@@ -3,6 +3,7 @@
 mod animate;
 mod figure;
 mod flags;
+mod motion;
 mod page;
 mod pages;
 mod peaks;
@@ -39,6 +40,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         pages::allow()?;
     } else {
         pages::forbid();
+    }
+    if let Some(speed) = flags.moving {
+        return motion::run(speed, &flags, session);
     }
     if let Some(frames) = flags.animate.animate {
         return animate::run(&flags, frames, session);

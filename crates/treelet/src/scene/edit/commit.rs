@@ -232,6 +232,11 @@ impl Edit {
         if self.counts != [before.geometries.len(), before.instances.len()] {
             return Err(Reason::Different);
         }
+        let moves = |it: &Geometry| it.mesh().is_some_and(|mesh| mesh.is_moving());
+        let is_moving = self.geometries.values().any(moves);
+        if is_moving || !before.moving.is_empty() {
+            return Err(Reason::Moving);
+        }
         let mut reshaped = false;
         for (&geom, Geometry { shape, .. }) in &self.geometries {
             let old = &before.geometries[geom].shape;
