@@ -204,10 +204,12 @@ fn edits_of_opened_scenes_are_as_built_anew() {
                 .unwrap(),
             1 => edit.set_transform(at, turned(&mut random)).unwrap(),
             2 => (0..24).for_each(|at| edit.set_transform(at, turned(&mut random)).unwrap()),
-            // Another tree inside.
+            // Other trees inside, over the same and over other triangles.
             _ => {
-                let other = Scene::builder().mesh(mesh(&closed::sphere(9, 5))).build(&options);
-                edit.set_scene(at, &other.unwrap()).unwrap();
+                let quality = [Quality::Fast, Quality::Best][round as usize / 4 % 2];
+                let options = BuildOptions { quality, ..options.clone() };
+                let other = Scene::builder().mesh(mesh(&rod())).build(&options).unwrap();
+                (0..24).for_each(|at| edit.set_scene(at, &other).unwrap());
             }
         }
         let commit = edit.commit(&options).unwrap();
