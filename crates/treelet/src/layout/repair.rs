@@ -14,7 +14,7 @@
 use super::Collapse;
 use super::lower::{Numbered, Packed, lower, split_leaves};
 use super::packing::Packing;
-use super::refit::{Areas, Part, Refitted, half_area, prim_areas, survey, triangles_of, used};
+use super::refit::{Areas, Part, Refitted, around, half_area, survey, triangles_of, used};
 use super::wide::{BLOCK_WORDS, Child, ChildKind, Node, Plain, TRIANGLE_WORDS, Wide};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
@@ -118,7 +118,7 @@ fn cut<const W: usize>(wide: &Wide<W>, parts: &[Part], prices: &[f32]) -> Cut {
                 ChildKind::Leaf { first, count } if triangles_of(wide, child).is_some() => {
                     let first_loose = cut.loose.len();
                     (0..count).for_each(|at| cut.loose.push(unpack(wide, first, count, at)));
-                    let prims = prim_areas(&cut.loose[first_loose..]);
+                    let (_, prims) = around(&cut.loose[first_loose..]);
                     if count > 1 && half_area(&bounds) <= prims {
                         cut.loose.truncate(first_loose);
                         let part = Part { prims, triangles: count as u32, ..Part::default() };

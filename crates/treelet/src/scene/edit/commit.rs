@@ -11,7 +11,7 @@ use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::parallel;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{Areas, Content};
+use crate::layout::refit::{Areas, Content, Step};
 use crate::layout::wide::Wide;
 use crate::scene::assemble::Level;
 use crate::scene::builder::{BuildOptions, Placed, SceneBuilder};
@@ -49,7 +49,7 @@ impl Edit {
     /// # Errors
     ///
     /// As [`SceneBuilder::build`]; the old snapshot stays what it is.
-    pub fn commit(self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
+    pub fn commit(mut self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
         let watch = Stopwatch::start();
         let done = |scene, action, reason, decay, parts| {
             Ok(Commit { scene, action, reason, decay, parts, time: watch.elapsed() })
@@ -254,7 +254,11 @@ impl Edit {
     }
 
     /// The tree around what moved; or why it cannot stay.
-    fn follow(&self, options: &BuildOptions<'_>) -> Result<Result<Followed, Reason>, SceneError> {
+    fn follow(
+        &mut self,
+        options: &BuildOptions<'_>,
+    ) -> Result<Result<Followed, Reason>, SceneError> {
+        let spare = self.spare.take();
         let before = &*self.before.structure;
         let reshaped = match self.reshaped() {
             Err(reason) => return Ok(Err(reason)),
@@ -297,8 +301,10 @@ impl Edit {
         } else {
             let moved = Moved { geometries: &geometries, before };
             let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
-            let content = Content { triangles: &fetch, instance: &single };
-            sweep(&before.layout, &content, &options.context.cancel)?
+            let expect = |ids: &[u32], step: Step| moved.expect(ids, step);
+            let content = Content { triangles: &fetch, expect: &expect, instance: &single };
+            let spare = spare.and_then(|spare| Arc::into_inner(spare.structure));
+            sweep(&before.layout, &content, spare, &options.context.cancel)?
         };
         let Some(mended) = mended else { return Ok(Err(Reason::Unfit)) };
         if alone && reshaped {
@@ -332,7 +338,8 @@ fn standing(scene: &Scene) -> Standing {
     let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
     let single =
         |number: usize| single(&structure.geometries, &structure.instances, structure, number);
-    let content = Content { triangles: &fetch, instance: &single };
+    let expect = |ids: &[u32], step: Step| moved.expect(ids, step);
+    let content = Content { triangles: &fetch, expect: &expect, instance: &single };
     appraise(&structure.layout, &content)
 }
 
