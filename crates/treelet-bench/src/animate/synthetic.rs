@@ -70,7 +70,8 @@ pub fn play(
         // The scene of the frame before, and that of the one before it, whose memory may be used again.
         let mut before: [Option<Scene>; 2] = [None, None];
         let update = move |_: usize| {
-            let frame = advance(&before[0], before[1].take(), positions(), &indices, wish)?;
+            let [last, older] = &mut before;
+            let frame = advance(last.as_ref(), older.take(), positions(), &indices, wish)?;
             let newest = (wish != Wish::Fresh).then(|| frame.scene.clone());
             before = [newest, before[0].take()];
             Ok(frame)
@@ -95,7 +96,7 @@ pub fn play(
 
 /// The scene of a frame, from the one before if there is one.
 fn advance(
-    before: &Option<Scene>,
+    before: Option<&Scene>,
     older: Option<Scene>,
     positions: Array<[f32; 3]>,
     indices: &Array<[u32; 3]>,
