@@ -13,7 +13,7 @@ const TOLERANCE: f32 = 1e-4;
 pub struct Difference {
     /// Hit against miss, or another `t`.
     pub mismatch_ppm: f64,
-    /// The same `t`, another triangle.
+    /// The same `t`, another triangle or another instance.
     pub ids_ppm: f64,
 }
 
@@ -28,7 +28,7 @@ pub fn compare(reference: &[Answer], answers: &[Answer]) -> Difference {
         match (expected.is_hit(), got.is_hit()) {
             (false, false) => {}
             (true, true) if near(expected.t, got.t) => {
-                ids += usize::from(expected.prim != got.prim)
+                ids += usize::from((expected.inst, expected.prim) != (got.inst, got.prim))
             }
             _ => mismatches += 1,
         }
@@ -48,7 +48,7 @@ pub fn first_bit_difference(reference: &[Answer], answers: &[Answer]) -> Option<
     if reference.len() != answers.len() {
         return Some(reference.len().min(answers.len()));
     }
-    let bits = |answer: &Answer| (answer.t.to_bits(), answer.prim);
+    let bits = |answer: &Answer| (answer.t.to_bits(), answer.inst, answer.prim);
     reference.iter().zip(answers).position(|(a, b)| bits(a) != bits(b))
 }
 
@@ -80,20 +80,22 @@ mod tests {
     use super::{Difference, compare, first_bit_difference};
     use crate::engine::Answer;
 
-    const HIT: Answer = Answer { t: 2.0, prim: 7 };
+    const HIT: Answer = Answer::hit(2.0, 7);
 
     #[test]
     fn every_way_to_differ_is_counted() {
         let other_id = Answer { prim: 8, ..HIT };
+        let elsewhere = Answer { inst: 1, ..HIT };
         let beside = Answer { t: 2.000_1, ..HIT };
         let behind = Answer { t: 2.001, ..HIT };
-        let nan = Answer { t: f32::NAN, prim: 7 };
+        let nan = Answer::hit(f32::NAN, 7);
         let none = Difference::default();
         let mismatch = Difference { mismatch_ppm: 1e6, ids_ppm: 0.0 };
         for (got, expected) in [
             (HIT, none),
             (beside, none),
             (other_id, Difference { mismatch_ppm: 0.0, ids_ppm: 1e6 }),
+            (elsewhere, Difference { mismatch_ppm: 0.0, ids_ppm: 1e6 }),
             (behind, mismatch),
             (nan, mismatch),
             (Answer::MISS, mismatch),
@@ -109,6 +111,8 @@ mod tests {
     fn bits_are_bits() {
         assert_eq!(first_bit_difference(&[HIT, HIT], &[HIT, HIT]), None);
         let next = Answer { t: HIT.t.next_up(), ..HIT };
+        let elsewhere = Answer { inst: 1, ..HIT };
+        assert_eq!(first_bit_difference(&[HIT, HIT], &[HIT, elsewhere]), Some(1));
         assert_eq!(first_bit_difference(&[HIT, HIT], &[HIT, next]), Some(1));
         assert_eq!(first_bit_difference(&[HIT], &[HIT, HIT]), Some(1));
     }

@@ -1,7 +1,9 @@
-//! What every engine looks like to the bench: triangles in, something built, rays through it.
+//! What every engine looks like to the bench: triangles in, perhaps placed many times, something
+//! built, rays through it.
 
 use serde::Serialize;
 use treelet::Ray;
+use treelet::math::Affine;
 use treelet::memory::Array;
 
 /// The triangles that every engine is given.
@@ -11,6 +13,8 @@ pub struct Triangles {
     pub positions: Array<[f32; 3]>,
     /// Vertex indices of each triangle, all of them in range.
     pub indices: Array<[u32; 3]>,
+    /// Where the vertices are at time 1, if they move; [`Triangles::positions`] are those of time 0.
+    pub later: Option<Array<[f32; 3]>>,
 }
 
 impl Triangles {
@@ -33,6 +37,27 @@ impl Triangles {
     /// Bytes of both arrays.
     pub fn bytes(&self) -> u64 {
         12 * (self.positions.len() as u64 + self.indices.len() as u64)
+    }
+}
+
+/// A scene with instances.
+#[derive(Clone, Debug, Default)]
+pub struct Placed {
+    /// What is placed, each stored once, in a space of its own.
+    pub objects: Vec<Triangles>,
+    /// Which object, and the map that takes its points to the world.
+    pub instances: Vec<(usize, Affine)>,
+}
+
+impl Placed {
+    /// Triangles that are stored.
+    pub fn stored(&self) -> usize {
+        self.objects.iter().map(Triangles::len).sum()
+    }
+
+    /// Bytes of the arrays of all objects.
+    pub fn bytes(&self) -> u64 {
+        self.objects.iter().map(Triangles::bytes).sum()
     }
 }
 
@@ -94,15 +119,22 @@ pub struct Answer {
     pub t: f32,
     /// Which triangle was hit; `u32::MAX` where there is none, or none was asked for.
     pub prim: u32,
+    /// In which instance, counted from 1; 0 where there is none.
+    pub inst: u32,
 }
 
 impl Answer {
     /// No hit.
-    pub const MISS: Self = Self { t: f32::INFINITY, prim: u32::MAX };
+    pub const MISS: Self = Self { t: f32::INFINITY, prim: u32::MAX, inst: 0 };
+
+    /// A hit of a scene without instances.
+    pub const fn hit(t: f32, prim: u32) -> Self {
+        Self { t, prim, inst: 0 }
+    }
 
     /// The answer to whether there is a hit.
     pub const fn any(hit: bool) -> Self {
-        if hit { Self { t: 0.0, prim: u32::MAX } } else { Self::MISS }
+        if hit { Self::hit(0.0, u32::MAX) } else { Self::MISS }
     }
 
     /// Whether there is a hit.
@@ -196,7 +228,26 @@ pub trait Engine: Send + Sync {
     ///
     /// The engine refuses, or knows no such variant.
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError>;
+
+    /// Whether there are instances here: [`Engine::build_placed`].
+    fn has_instances(&self) -> bool {
+        false
+    }
+
+    /// Builds a variant of every object and of the level that places them; this is timed.
+    ///
+    /// # Errors
+    ///
+    /// The engine has no instances, refuses, or knows no such variant.
+    fn build_placed(&self, variant: &str, placed: &Placed) -> Result<Box<dyn Built>, EngineError> {
+        let _ = (variant, placed);
+        Err(EngineError::Missing(NO_INSTANCES.into()))
+    }
 }
+
+/// Why an engine is left out of a scene with instances.
+pub const NO_INSTANCES: &str = "it has no instances, or none that the bench calls; --flatten copies \
+                                the triangles for everybody";
 
 /// What an engine built.
 pub trait Built: Send + Sync {

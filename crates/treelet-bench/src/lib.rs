@@ -4,7 +4,7 @@
 //! variant of each in turn, holds treelet bit for bit against brute force and everybody's answers
 //! against treelet's, and only then times rays, in rounds in which the engines take turns.
 //!
-//! What is fair here: everybody gets the same triangles, as two arrays, and the rays in its own form,
+//! What is fair here: everybody gets the same triangles, as two arrays, or the same objects and instances of them, and the rays in its own form,
 //! made before the clock starts; resetting rays is timed; builds are timed from the arrays to
 //! ready-to-trace; bytes count the caller's arrays where an engine keeps them.
 
@@ -14,6 +14,7 @@ pub mod crew;
 pub mod engine;
 pub mod figure;
 pub mod marks;
+pub mod motion;
 pub mod page;
 pub mod peak;
 pub mod rays;

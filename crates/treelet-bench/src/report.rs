@@ -71,8 +71,10 @@ pub struct SceneLine {
     pub scene: String,
     /// Whether the bench made it.
     pub generated: bool,
-    /// Triangles, instances copied.
+    /// Triangles that are stored: all, where instances were copied.
     pub triangles: u64,
+    /// Instances that engines have; 0 where triangles were copied.
+    pub instances: u64,
     /// Where primary rays start.
     pub camera_from: [f32; 3],
     /// What the camera looks at.
@@ -136,7 +138,7 @@ pub struct Trace {
     pub spread: f64,
     /// Hit against miss or another `t` than treelet's, in a million rays.
     pub mismatch_ppm: f64,
-    /// The same `t`, another triangle; null where no triangle was asked for.
+    /// The same `t`, another triangle or instance; null where no triangle was asked for.
     pub ids_ppm: Option<f64>,
     /// `given` or `shuffled`.
     pub order: Order,

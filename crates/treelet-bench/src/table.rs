@@ -11,9 +11,14 @@ use crate::rivals::treelet as ours;
 /// What one scene gave, in tables.
 pub fn scene(scene: &SceneLine, builds: &[Build], traces: &[Trace]) -> Vec<String> {
     let mut lines = vec![format!(
-        "\n{}: {} triangles; {:.1} % of primary rays hit; {} rays as by brute force",
+        "\n{}: {} triangles{}; {:.1} % of primary rays hit; {} rays as by brute force",
         scene.scene,
         scene.triangles,
+        if scene.instances > 0 {
+            format!(", {} instances", scene.instances)
+        } else {
+            String::new()
+        },
         100.0 * scene.hit_rate,
         scene.rays_by_brute_force
     )];

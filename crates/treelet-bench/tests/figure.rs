@@ -57,7 +57,8 @@ fn plan(kinds: &[Kind]) -> FigurePlan {
 
 fn measure(plan: &FigurePlan, state: &mut State, count: u64) -> Result<SceneFigure, BenchError> {
     let triangles = Generated::Terrain(count).triangles();
-    let subject = Subject { name: "hill".into(), generated: true, triangles, up: Some(1) };
+    let subject =
+        Subject { name: "hill".into(), generated: true, triangles, placed: None, up: Some(1) };
     figure::scene(&subject, &mut engines(), plan, state, &Nobody)
 }
 

@@ -21,7 +21,8 @@ impl Watcher for Nobody {
 
 fn measure(name: &str, threads: usize) -> SceneResult {
     let triangles = Generated::Terrain(5_000).triangles();
-    let subject = Subject { name: "hill".into(), generated: true, triangles, up: Some(1) };
+    let subject =
+        Subject { name: "hill".into(), generated: true, triangles, placed: None, up: Some(1) };
     let rival = rival(name, &Wishes::default()).unwrap();
     let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Treelet), rival];
     let plan = Plan {

@@ -1,9 +1,10 @@
 //! A whole scene through the bench, with an engine that is wrong in a known way.
 
 use treelet::Ray;
+use treelet::math::Affine;
 use treelet_bench::crew::Clock;
 use treelet_bench::engine::{
-    Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
+    Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Placed, Question, Triangles,
 };
 use treelet_bench::marks::{self, Standing};
 use treelet_bench::rays::Kind;
@@ -55,7 +56,7 @@ impl Pass for WrongPass<'_> {
         let first = answers.len();
         self.0.answers(answers);
         let answer = &mut answers[first];
-        *answer = if answer.is_hit() { Answer::MISS } else { Answer { t: 1.0, prim: 0 } };
+        *answer = if answer.is_hit() { Answer::MISS } else { Answer::hit(1.0, 0) };
     }
 }
 
@@ -85,9 +86,14 @@ fn plan() -> Plan {
     }
 }
 
-fn measure(rival: &'static str) -> Result<SceneResult, BenchError> {
+/// A generated scene.
+fn hill() -> Subject {
     let triangles = Generated::Terrain(2_000).triangles();
-    let subject = Subject { name: "hill".into(), generated: true, triangles, up: Some(1) };
+    Subject { name: "hill".into(), generated: true, triangles, placed: None, up: Some(1) }
+}
+
+fn measure(rival: &'static str) -> Result<SceneResult, BenchError> {
+    let subject = hill();
     let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Treelet), Box::new(Wrong(rival))];
     run::scene(&subject, &mut engines, &plan(), &Nobody)
 }
@@ -110,6 +116,24 @@ fn a_rivals_mistakes_are_counted_and_treelets_cells_have_none() {
         let slices = [RAYS, 1024, 32].contains(&trace.width);
         assert_eq!(trace.api == Api::Many, slices, "{}", trace.label());
     }
+}
+
+#[test]
+fn scenes_with_instances_go_to_those_that_have_them() {
+    let flat = hill();
+    let beside = [0.0, 1.0].map(|x| (0, Affine::translation([x, 0.0, 0.0])));
+    let placed = Placed { objects: vec![flat.triangles.clone()], instances: beside.to_vec() };
+    let subject = Subject { triangles: Triangles::default(), placed: Some(placed), ..flat };
+    let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Treelet), Box::new(Wrong("flat"))];
+    let result = run::scene(&subject, &mut engines, &plan(), &Nobody).unwrap();
+    assert_eq!(result.scene.instances, 2);
+    assert!(result.scene.rays_by_brute_force > 100 && result.scene.hit_rate > 0.5);
+    assert_eq!(result.left_out.len(), 1);
+    assert_eq!(result.left_out[0].name, "flat");
+    assert_eq!(result.traces.len(), 5 * 4 + 5 * 2);
+    assert!(
+        result.traces.iter().all(|trace| trace.engine == "treelet" && trace.mismatch_ppm == 0.0)
+    );
 }
 
 #[test]
@@ -162,7 +186,8 @@ fn marks_compare_with_embree() {
 #[test]
 fn an_unknown_variant_is_an_error_that_lists_the_known() {
     let triangles = Generated::Soup(10).triangles();
-    let subject = Subject { name: "soup".into(), generated: true, triangles, up: None };
+    let subject =
+        Subject { name: "soup".into(), generated: true, triangles, placed: None, up: None };
     let mut engines: Vec<Box<dyn Engine>> = vec![Box::new(Treelet)];
     let plan = Plan { builders: vec!["magic".into()], ..plan() };
     let error = run::scene(&subject, &mut engines, &plan, &Nobody).unwrap_err().to_string();

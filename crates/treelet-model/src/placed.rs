@@ -3,7 +3,7 @@
 use crate::{Changes, Model, Part, Placement};
 use treelet::context::Context;
 use treelet::math::Affine;
-use treelet::scene::{Action, Commit};
+use treelet::scene::{Action, Commit, Policy};
 use treelet::{BuildOptions, BuildReport, Hit, Pilot, Quality, Scene, SceneError};
 
 /// The scenes of a model, and the way from a hit back to what the model says about it.
@@ -21,6 +21,8 @@ pub struct PlacedModel {
     instanced: bool,
     /// What the trees that changed last became.
     updated: Updated,
+    /// What updates are to come to.
+    policy: Policy,
 }
 
 /// What became of trees when a model was posed anew.
@@ -123,7 +125,7 @@ impl PlacedModel {
         for &object in &changes.objects {
             let Some(Some(scene)) = objects.get(object) else { continue };
             let options = object_options(model, object, options);
-            let bent = bend(model, object, scene, &options)?;
+            let bent = bend(model, object, scene, self.policy, &options)?;
             match bent.action {
                 Action::Kept => {}
                 Action::Refitted => updated.refitted += 1,
@@ -134,8 +136,15 @@ impl PlacedModel {
         }
         let before = Some(self).filter(|_| self.instanced);
         let mut placed = Self::assemble(model, objects, options, before)?;
+        placed.policy = self.policy;
         placed.updated = Updated { placements: placed.updated.placements, ..updated };
         Ok(placed)
+    }
+
+    /// Keeps up with what moves under this policy from now on; [`Policy::Auto`] if nobody says.
+    #[must_use]
+    pub fn under(self, policy: Policy) -> Self {
+        Self { policy, ..self }
     }
 
     /// What the last [`PlacedModel::updated`] did.
@@ -178,7 +187,7 @@ impl PlacedModel {
                 place(model, &objects, options).map_err(PlaceError::Placements)?
             }
         };
-        Ok(Self { scene, objects, instanced, updated })
+        Ok(Self { scene, objects, instanced, updated, policy: Policy::default() })
     }
 
     /// The scene of placements, where these are as many as before.
@@ -189,6 +198,7 @@ impl PlacedModel {
         options: &BuildOptions<'_>,
     ) -> Result<Commit, SceneError> {
         let mut edit = self.scene.edit();
+        edit.policy = self.policy;
         for (at, placement) in model.placements.iter().enumerate() {
             // Every placement is there, so nothing is refused.
             let map = placement.world_from_object;
@@ -287,10 +297,12 @@ fn bend(
     model: &Model,
     object: usize,
     scene: &Scene,
+    policy: Policy,
     options: &BuildOptions<'_>,
 ) -> Result<Commit, PlaceError> {
     let content = &model.objects[object];
     let mut edit = scene.edit();
+    edit.policy = policy;
     for (geom, part) in content.parts.iter().enumerate() {
         if edit.set_shape(geom, part.mesh.clone()).is_err() {
             edit.add_shape(part.mesh.clone());

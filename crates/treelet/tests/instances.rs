@@ -333,6 +333,7 @@ fn maps_that_lead_nowhere_are_named_or_skipped() {
             InstanceDefect::Singular { .. } => assert!((3..7).contains(&i), "map {i}: {defect}"),
             InstanceDefect::Scale { .. } => assert_eq!(i, 9, "{defect}"),
             InstanceDefect::TooFar { .. } => assert!([7, 8].contains(&i), "map {i}: {defect}"),
+            _ => panic!("map {i}: {defect}"),
         }
         assert!(error.to_string().contains("instance 1"), "{error}");
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use serde::Serialize;
-use treelet::{Hit, Ray, Scene, SceneError};
+use treelet::{Hit, Ray, Scene};
 
 use crate::crew::Crew;
 use crate::run::Watcher;
@@ -21,20 +21,26 @@ pub struct Way<'a> {
     /// As reports call it.
     pub name: String,
     /// Brings the scene up to date with a frame: 0, then 1, and so on.
-    pub update: Box<dyn FnMut(usize) -> Result<Frame, SceneError> + Send + 'a>,
+    pub update: Box<dyn FnMut(usize) -> Result<Frame, WayError> + Send + 'a>,
 }
+
+/// Why a scene could not be brought up to date.
+pub type WayError = Box<dyn std::error::Error + Send + Sync>;
 
 /// What is played.
 pub struct Clip<'a> {
     /// How many frames.
     pub frames: usize,
     /// Gets ready what all ways need for a frame; not timed.
-    pub begin: Box<dyn FnMut(usize) + 'a>,
+    pub begin: Box<dyn FnMut(usize) -> Result<(), WayError> + 'a>,
     /// The rays of a frame, made of a scene that is up to date; not timed.
-    pub rays: Box<dyn FnMut(&Scene, usize) -> Vec<Ray> + Send + 'a>,
+    pub rays: Box<RaysOf<'a>>,
     /// Times that each scene traces the rays of a frame; the shortest counts.
     pub repeats: usize,
 }
+
+/// Makes the rays of a frame.
+pub type RaysOf<'a> = dyn FnMut(&Scene, usize) -> Vec<Ray> + Send + 'a;
 
 /// How a clip went.
 #[derive(Clone, Debug, Serialize)]
@@ -74,7 +80,16 @@ pub enum AnimateError {
         way: String,
         /// Why.
         #[source]
-        error: SceneError,
+        error: WayError,
+    },
+    /// The scene could not be put into the frame's pose.
+    #[error("frame {frame}: {error}")]
+    Pose {
+        /// Which frame.
+        frame: usize,
+        /// Why.
+        #[source]
+        error: WayError,
     },
     /// Two ways answer differently: one of them is wrong.
     #[error("frame {frame}: {way} answers ray {ray} with other bits than {reference}")]
@@ -115,7 +130,7 @@ pub fn compare(
             return Err(AnimateError::Cancelled);
         }
         watcher.step(&format!("frame {frame} of {}", clip.frames));
-        (clip.begin)(frame);
+        (clip.begin)(frame).map_err(|error| AnimateError::Pose { frame, error })?;
         let first = play.moments.len();
         let mut scenes = Vec::with_capacity(ways.len());
         for (at, way) in ways.iter_mut().enumerate() {

@@ -91,7 +91,7 @@ impl Moving {
             Piece { centre, flight, about, spin: random.between(-SPIN, SPIN) }
         };
         let pieces = sums.into_iter().map(piece).collect();
-        let rest = Triangles { positions: positions.into(), indices: indices.into() };
+        let rest = Triangles { positions: positions.into(), indices: indices.into(), later: None };
         Self { rest, bounds, axis, piece_of, pieces }
     }
 

@@ -14,7 +14,6 @@ use treelet::{BuildOptions, Hit, Mesh, Ray, Scene, SceneError};
 
 use super::AnimateError;
 use super::motion::Moving;
-use crate::engine::Triangles;
 use crate::rays::{self, Kind, RaySource};
 use crate::run::{Subject, Watcher};
 use crate::scenes;
@@ -91,7 +90,7 @@ pub fn read(
     let scene = |frame: usize, error: SceneError| AnimateError::Scene {
         frame,
         way: "fresh".to_owned(),
-        error,
+        error: Box::new(error),
     };
     let fresh = poses.iter().enumerate().map(|(pose, positions)| {
         let mesh = Mesh::new(positions.clone(), indices.clone());
@@ -101,8 +100,7 @@ pub fn read(
 
     // What a fresh build answers.
     let up = subject.up.unwrap_or_else(|| rays::guess_up(&scenes::bounds(&subject.triangles)));
-    let triangles = Triangles { positions: poses[0].clone().into(), indices };
-    let source = RaySource::new(&fresh[0], &triangles, up, BATCHES * BATCH);
+    let source = RaySource::new(&fresh[0], up, BATCHES * BATCH);
     let rays = source.rays(Kind::Diffuse);
     let told: Vec<Vec<Hit>> = fresh.iter().map(|scene| answer(scene, &rays)).collect();
 
@@ -194,8 +192,11 @@ fn commit(
             let _ = edit.set_positions(0, poses[pose].clone());
             let commit = pool.install(|| edit.commit(&BuildOptions::default()));
             let way = || "commits".to_owned();
-            let commit =
-                commit.map_err(|error| AnimateError::Scene { frame, way: way(), error })?;
+            let commit = commit.map_err(|error| AnimateError::Scene {
+                frame,
+                way: way(),
+                error: Box::new(error),
+            })?;
             let milliseconds = 1e3 * commit.time.as_secs_f64();
             committed.push((milliseconds, super::synthetic::word(commit.action)));
             scene = commit.scene;

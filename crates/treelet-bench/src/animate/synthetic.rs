@@ -9,7 +9,6 @@ use treelet::{BuildOptions, Mesh, Scene, SceneError};
 use super::motion::Moving;
 use super::{AnimateError, Clip, Frame, Play, Way, compare};
 use crate::crew::Crew;
-use crate::engine::Triangles;
 use crate::rays::{self, Kind, RaySource};
 use crate::run::{Subject, Watcher};
 use crate::scenes;
@@ -84,11 +83,9 @@ pub fn play(
         begin: Box::new(|frame| {
             let share = frame as f32 / (motion.frames.max(2) - 1) as f32;
             *now.lock().unwrap_or_else(PoisonError::into_inner) = moving.at(share).into();
+            Ok(())
         }),
-        rays: Box::new(|scene, _| {
-            let triangles = Triangles { positions: positions(), indices: indices.clone() };
-            RaySource::new(scene, &triangles, up, motion.rays).rays(Kind::Diffuse)
-        }),
+        rays: Box::new(|scene, _| RaySource::new(scene, up, motion.rays).rays(Kind::Diffuse)),
         repeats: motion.repeats,
     };
     compare(clip, &mut ways, crew, watcher, told)

@@ -140,7 +140,7 @@ fn once(
 ) -> Once {
     let triangles = &subject.triangles;
     if engine.name() != ours::NAME {
-        return timed_build(engine, variant, triangles, crew);
+        return timed_build(engine, variant, subject, crew);
     }
     let last: Vec<&dyn Optimizer> = keep.iter().map(|keep| *keep as &dyn Optimizer).collect();
     let (scene, taken) = watched(watcher, LIMIT, |cancel| {

@@ -23,6 +23,7 @@ mod watch;
 
 pub use marks::{PAPER_CONTENDERS, PAPER_WINDOW, marks, windows};
 pub use plan::{COMPOSITIONS, FigurePlan, KINDS};
+pub(crate) use plot::{COLORS, STYLE, escaped};
 pub use plot::{mean_svg, panel_svg};
 pub use scene::{SceneFigure, scene};
 pub use state::{State, StateError};

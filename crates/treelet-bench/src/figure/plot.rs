@@ -29,11 +29,11 @@ const DECADES: [&str; 9] = ["10 k", "100 k", "1 M", "10 M", "100 M", "1 G", "10 
 
 /// Colours that differ also to those who see few, and can be read on white and on black: after P. Tol,
 /// "Colour Schemes", SRON technical note 09-002, darker where white asks for it.
-const COLORS: [&str; 8] =
+pub(crate) const COLORS: [&str; 8] =
     ["#3b7dc4", "#dd4f66", "#2a9245", "#a67c00", "#0094b3", "#c2528b", "#8a63d2", "#a0623a"];
 
 /// Light and dark.
-const STYLE: &str = "\
+pub(crate) const STYLE: &str = "\
     .ground{fill:#ffffff;stroke:#d8dee4}.word{fill:#24292f}.soft{fill:#6e7781}\
     .grid{stroke:#d8dee4}.other{stroke:#b4bcc4}.rival{stroke:#57606a}.rivalname{fill:#57606a}\
     @media(prefers-color-scheme:dark){.ground{fill:#0d1117;stroke:#30363d}.word{fill:#e6edf3}\
@@ -328,7 +328,7 @@ fn y(share: f64, most: f64) -> f64 {
 }
 
 /// As text and as an attribute of XML.
-fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 

@@ -55,7 +55,7 @@ pub fn scene(
     plan.base.check_variants(engines)?;
     state.begin(SceneKey::of(&subject.name, &subject.triangles))?;
     let mut figure = SceneFigure::default();
-    let mut source: Option<RaySource<'_>> = None;
+    let mut source: Option<RaySource> = None;
     for &threads in &plan.base.threads {
         let crew = Crew::new(threads, plan.base.clock)?;
         let bench = Bench { subject, plan, crew: &crew, watcher };

@@ -141,10 +141,29 @@ impl<'a> Facts<'a> {
         found.ok_or_else(|| format!("no build of {engine} {variant} with {threads} threads"))
     }
 
-    /// A cell a scene.
+    /// Scenes of triangles alone, or those with instances.
+    fn of_scenes(&self, instanced: bool) -> impl Iterator<Item = &'a SceneLine> {
+        self.scenes.iter().filter(move |scene| (scene.instances > 0) == instanced)
+    }
+
+    /// Whether there is a scene with instances.
+    pub(super) fn has_instances(&self) -> bool {
+        self.of_scenes(true).next().is_some()
+    }
+
+    /// A cell for each scene with instances.
+    pub(super) fn per_instanced_scene(&self, cell: impl Fn(&'a SceneLine) -> Found) -> Cells {
+        let mut cells = Cells::default();
+        for scene in self.of_scenes(true) {
+            cells.add(scene.scene.clone(), cell(scene));
+        }
+        cells
+    }
+
+    /// A cell a scene of triangles alone.
     pub(super) fn per_scene(&self, cell: impl Fn(&'a SceneLine) -> Found) -> Cells {
         let mut cells = Cells::default();
-        for scene in self.scenes {
+        for scene in self.of_scenes(false) {
             cells.add(scene.scene.clone(), cell(scene));
         }
         cells
@@ -162,10 +181,10 @@ impl<'a> Facts<'a> {
         cells
     }
 
-    /// A cell a scene and kind of rays.
+    /// A cell a scene of triangles alone and kind of rays.
     pub(super) fn per_kind(&self, cell: impl Fn(&'a str, Kind) -> Found) -> Cells {
         let mut cells = Cells::default();
-        for scene in self.scenes {
+        for scene in self.of_scenes(false) {
             for kind in Kind::ALL {
                 let name = format!("{} {}", scene.scene, kind.name());
                 cells.add(name, cell(&scene.scene, kind));

@@ -60,6 +60,9 @@ pub fn marks(scenes: &[SceneLine], builds: &[Build], traces: &[Trace]) -> Vec<Ma
     let mut marks = Vec::new();
     for threads in facts.thread_counts() {
         rows::tracing(&facts, threads, &mut marks);
+        if facts.has_instances() {
+            rows::instances(&facts, threads, &mut marks);
+        }
         rows::building(&facts, threads, &mut marks);
     }
     rows::memory(&facts, &mut marks);

@@ -62,6 +62,21 @@ pub(super) fn tracing(facts: &Facts<'_>, threads: usize, marks: &mut Vec<Mark>) 
     marks.push(mark(what, cells, Asked::at_least(1.6, 1.4)));
 }
 
+/// About rays through instances: each kind, one ray at a time.
+pub(super) fn instances(facts: &Facts<'_>, threads: usize, marks: &mut Vec<Mark>) {
+    let (default, with) = (ours::default_variant(), with(threads));
+    for kind in Kind::ALL {
+        let cells = facts.per_instanced_scene(|scene| {
+            let group = Group { scene: &scene.scene, kind, order: Order::Given, threads };
+            let ours = facts.single(group, ours::NAME, default)?;
+            Ok(ours.ratio(facts.single(group, EMBREE, "MEDIUM")?))
+        });
+        let kind = kind.name();
+        let what = format!("instances: single {kind}, {default} / Embree MEDIUM, {with}");
+        marks.push(mark(what, cells, Asked::mean_at_least(1.25)));
+    }
+}
+
 /// About building.
 pub(super) fn building(facts: &Facts<'_>, threads: usize, marks: &mut Vec<Mark>) {
     let with = with(threads);

@@ -14,6 +14,7 @@ fn scene() -> SceneLine {
         scene: SCENE.into(),
         generated: true,
         triangles: 100,
+        instances: 0,
         camera_from: [0.0; 3],
         camera_at: [1.0; 3],
         hit_rate: 1.0,
@@ -129,6 +130,18 @@ fn a_whole_run_judges_every_mark() {
         let reached = if small { mean <= mark.mean_asked } else { mean >= mark.mean_asked };
         assert_eq!(mark.standing == Standing::Met, reached, "{mark:?}");
     }
+}
+
+#[test]
+fn scenes_with_instances_have_marks_of_their_own() {
+    let (builds, traces) = measured();
+    let instanced = SceneLine { instances: 9, ..scene() };
+    let marks = marks(&[instanced], &builds, &traces);
+    let mark = find(&marks, "instances: single diffuse, default / Embree MEDIUM");
+    assert_eq!((mark.mean, mark.standing), (Some(1.5), Standing::Met));
+    let mark = find(&marks, "single diffuse, default / Embree MEDIUM");
+    assert_eq!((mark.cells, mark.standing), (0, Standing::NotMeasured));
+    assert!(all(&builds, &traces).iter().all(|mark| !mark.what.starts_with("instances")));
 }
 
 #[test]

@@ -12,7 +12,7 @@ use treelet::math::vec3;
 use treelet::verify::Random;
 use treelet::{Aabb, Hit, Ray, Scene};
 
-use crate::engine::{Question, Triangles};
+use crate::engine::Question;
 
 /// A kind of ray.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -71,21 +71,21 @@ const LIGHT_EDGE: f32 = 0.02;
 const SHORT_OF_LIGHT: f32 = 1e-3;
 
 /// Makes the rays of one scene.
-pub struct RaySource<'a> {
-    triangles: &'a Triangles,
+pub struct RaySource {
     bounds: Aabb,
     up: usize,
-    /// Primary rays and what they hit.
-    primary: Vec<(Ray, Hit)>,
+    primary: Vec<Ray>,
+    /// Where secondary rays start, and the normal on that side, in the order of the primary rays.
+    starts: Vec<([f32; 3], [f32; 3])>,
     /// Where and how the camera stands.
     pub camera: Camera,
     /// The part of primary rays that hit something.
     pub hit_rate: f64,
 }
 
-impl<'a> RaySource<'a> {
+impl RaySource {
     /// Chooses a camera and sends `count` rays from it. `up` is the axis that points up.
-    pub fn new(scene: &Scene, triangles: &'a Triangles, up: usize, count: usize) -> Self {
+    pub fn new(scene: &Scene, up: usize, count: usize) -> Self {
         let bounds = scene.bounds();
         let camera = Camera::choose(scene, up);
         let rays = camera.tiled(count);
@@ -94,15 +94,17 @@ impl<'a> RaySource<'a> {
         let _ = scene.closest_many(&rays, &mut hits);
         let found = hits.iter().filter(|hit| hit.is_hit()).count();
         let hit_rate = found as f64 / rays.len().max(1) as f64;
-        let primary = rays.into_iter().zip(hits).collect();
-        Self { triangles, bounds, up, primary, camera, hit_rate }
+        let offset = OFFSET * diagonal(&bounds);
+        let starts = rays.iter().zip(&hits).filter_map(|(ray, hit)| start(scene, ray, hit, offset));
+        let starts = starts.collect();
+        Self { bounds, up, primary: rays, starts, camera, hit_rate }
     }
 
     /// As many rays of that kind as there are primary rays.
     pub fn rays(&self, kind: Kind) -> Vec<Ray> {
         let mut random = Random::new(0xBE5 + kind as u64);
         match kind {
-            Kind::Primary => self.primary.iter().map(|(ray, _)| *ray).collect(),
+            Kind::Primary => self.primary.clone(),
             Kind::Random => self.primary.iter().map(|_| self.through_box(&mut random)).collect(),
             Kind::Shadow => {
                 let lights = self.lights(&mut random);
@@ -121,24 +123,8 @@ impl<'a> RaySource<'a> {
 
     /// A ray for each start, the starts in the order of the primary rays, round and round.
     fn secondary(&self, mut ray: impl FnMut([f32; 3], [f32; 3]) -> Ray) -> Vec<Ray> {
-        let starts: Vec<_> =
-            self.primary.iter().filter_map(|(ray, hit)| self.start(ray, hit)).collect();
         let count = self.primary.len();
-        starts.iter().cycle().take(count).map(|&(start, normal)| ray(start, normal)).collect()
-    }
-
-    /// Where a secondary ray starts, and the normal on that side; `None` for a miss or a triangle
-    /// without a normal.
-    fn start(&self, ray: &Ray, hit: &Hit) -> Option<([f32; 3], [f32; 3])> {
-        if !hit.is_hit() {
-            return None;
-        }
-        let [a, b, c] = self.triangles.corners(hit.prim as usize);
-        let normal = vec3::normalize(vec3::cross(vec3::sub(b, a), vec3::sub(c, a)))?;
-        let side = if vec3::dot(normal, ray.direction) > 0.0 { -1.0 } else { 1.0 };
-        let normal = vec3::scale(normal, side);
-        let offset = vec3::scale(normal, OFFSET * diagonal(&self.bounds));
-        Some((vec3::add(ray.at(hit.t), offset), normal))
+        self.starts.iter().cycle().take(count).map(|&(start, normal)| ray(start, normal)).collect()
     }
 
     /// A ray from one random point of the box through another.
@@ -182,6 +168,20 @@ impl<'a> RaySource<'a> {
         }
         Ray::new(start, vec3::sub(target, start)).up_to(1.0 - SHORT_OF_LIGHT)
     }
+}
+
+/// Where a secondary ray starts, `offset` off the surface, and the normal on that side; `None` for a miss or
+/// a triangle without a normal.
+fn start(scene: &Scene, ray: &Ray, hit: &Hit, offset: f32) -> Option<([f32; 3], [f32; 3])> {
+    if !hit.is_hit() {
+        return None;
+    }
+    let world_from_object = scene.world_from_object(hit.inst)?;
+    let [a, b, c] = scene.corners(hit)?.map(|corner| world_from_object.point(corner));
+    let normal = vec3::normalize(vec3::cross(vec3::sub(b, a), vec3::sub(c, a)))?;
+    let side = if vec3::dot(normal, ray.direction) > 0.0 { -1.0 } else { 1.0 };
+    let normal = vec3::scale(normal, side);
+    Some((vec3::add(ray.at(hit.t), vec3::scale(normal, offset)), normal))
 }
 
 /// The length of a box's diagonal.

@@ -131,7 +131,7 @@ impl Built for Tree {
                     }
                     if let Some(t) = shape.hit(&ray.ray.origin, &ray.direction, t_max) {
                         t_max = t;
-                        best = Answer { t, prim: shape.prim };
+                        best = Answer::hit(t, shape.prim);
                     }
                 }
                 best

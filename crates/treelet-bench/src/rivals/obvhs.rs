@@ -97,7 +97,7 @@ impl Built for Tree {
                 let prepared = |ray: &obvhs::ray::Ray, id: usize| self.prepared[id].intersect(ray);
                 if self.tree.ray_traverse(*ray, &mut hit, prepared) {
                     let prim = self.tree.primitive_indices[hit.primitive_id as usize];
-                    Answer { t: hit.t, prim }
+                    Answer::hit(hit.t, prim)
                 } else {
                     Answer::MISS
                 }

@@ -66,7 +66,7 @@ impl Built for Mesh {
             match (CompositeShapeRef(&self.0).cast_local_ray(ray, *t_max, true), question) {
                 (None, _) => Answer::MISS,
                 (Some(_), Question::Any) => Answer::any(true),
-                (Some((prim, t)), Question::Closest) => Answer { t, prim },
+                (Some((prim, t)), Question::Closest) => Answer::hit(t, prim),
             }
         }))
     }

@@ -174,7 +174,7 @@ impl Pass for Rays<'_> {
             match (ray.hit.prim, self.question) {
                 (NONE, _) => Answer::MISS,
                 (_, Question::Any) => Answer::any(true),
-                (prim, Question::Closest) => Answer { t: ray.hit.t, prim },
+                (prim, Question::Closest) => Answer::hit(ray.hit.t, prim),
             }
         }));
     }

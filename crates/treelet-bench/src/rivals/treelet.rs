@@ -12,12 +12,12 @@
 use treelet::build;
 use treelet::layout;
 use treelet::optimize::Optimizer;
-use treelet::scene::{LayoutChoice, Recipe};
+use treelet::scene::{LayoutChoice, Recipe, SceneBuilder};
 use treelet::simd::Level;
 use treelet::{BuildOptions, Context, Hit, Mesh, Quality, Ray, Scene};
 
 use crate::engine::{
-    Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Question, Triangles,
+    Answer, Api, Built, Bytes, Call, Engine, EngineError, Pass, Placed, Question, Triangles,
 };
 
 /// The engine.
@@ -98,6 +98,16 @@ impl Engine for Treelet {
         let is_default = variant == default_variant();
         Ok(Box::new(TreeletScene { scene, is_default, shared: triangles.bytes() }))
     }
+
+    fn has_instances(&self) -> bool {
+        true
+    }
+
+    fn build_placed(&self, variant: &str, placed: &Placed) -> Result<Box<dyn Built>, EngineError> {
+        let scene = placed_scene(variant, placed)?;
+        let is_default = variant == default_variant();
+        Ok(Box::new(TreeletScene { scene, is_default, shared: placed.bytes() }))
+    }
 }
 
 /// A scene that stands already, as the engine's own.
@@ -136,6 +146,23 @@ pub(crate) fn scene(variant: &str, triangles: &Triangles) -> Result<Scene, Engin
     scene_with(variant, triangles, &[], Context::default())
 }
 
+/// A scene of instances, each level built as the variant's name says.
+pub(crate) fn placed_scene(variant: &str, placed: &Placed) -> Result<Scene, EngineError> {
+    let objects = placed.objects.iter().map(|triangles| scene(variant, triangles));
+    let objects = objects.collect::<Result<Vec<_>, _>>()?;
+    let mut top = Scene::builder();
+    for &(object, world_from_object) in &placed.instances {
+        let object = objects.get(object).ok_or_else(|| no_object(object, objects.len()))?;
+        top = top.instance(object, world_from_object);
+    }
+    build(variant, top, &[], Context::default())
+}
+
+/// An instance of nothing.
+pub(super) fn no_object(object: usize, objects: usize) -> EngineError {
+    EngineError::Refused(format!("an instance names object {object} of {objects}"))
+}
+
 /// The same, stopped and watched by its caller, with more optimisers at the end.
 pub(crate) fn scene_with(
     variant: &str,
@@ -143,15 +170,28 @@ pub(crate) fn scene_with(
     more: &[&dyn Optimizer],
     context: Context<'_>,
 ) -> Result<Scene, EngineError> {
+    let (positions, indices) = (triangles.positions.clone(), triangles.indices.clone());
+    let mesh = match &triangles.later {
+        None => Mesh::new(positions, indices),
+        Some(later) => Mesh::moving([positions, later.clone()], indices),
+    };
+    build(variant, Scene::builder().mesh(mesh), more, context)
+}
+
+/// A scene, built as the variant's name says.
+fn build(
+    variant: &str,
+    scene: SceneBuilder,
+    more: &[&dyn Optimizer],
+    context: Context<'_>,
+) -> Result<Scene, EngineError> {
     let Wish { recipe, layout, level } = wish(variant)
         .ok_or_else(|| EngineError::Missing(format!("treelet has no variant `{variant}`")))?;
-    let mesh = Mesh::new(triangles.positions.clone(), triangles.indices.clone());
     let own = recipe.options().plan().optimizers;
     let optimizers: Vec<_> = own.iter().chain(more).copied().collect();
     let optimizers = Some(&*optimizers);
     let options = BuildOptions { layout, level, optimizers, context, ..recipe.options() };
-    let scene = Scene::builder().mesh(mesh).build(&options);
-    scene.map_err(|error| EngineError::Refused(error.to_string()))
+    scene.build(&options).map_err(|error| EngineError::Refused(error.to_string()))
 }
 
 /// A scene, and what it shares with its caller.
@@ -225,7 +265,8 @@ impl Pass for ClosestPass<'_> {
     }
 
     fn answers(&self, answers: &mut Vec<Answer>) {
-        answers.extend(self.hits.iter().map(|hit| Answer { t: hit.t, prim: hit.prim }));
+        let answer = |hit: &Hit| Answer { t: hit.t, prim: hit.prim, inst: hit.inst as u32 };
+        answers.extend(self.hits.iter().map(answer));
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::{BenchError, Plan, Subject, Watcher, engine_error, stop};
 use crate::crew::{Crew, Stopwatch};
-use crate::engine::{Built, Call, Engine, EngineError, Threading, Triangles};
+use crate::engine::{Built, Call, Engine, EngineError, NO_INSTANCES, Threading};
 use crate::report::{Build, Missing};
 use crate::rounds::turns;
 use crate::stats::median;
@@ -52,6 +52,11 @@ pub(super) fn build(
     let mut builds = Builds::default();
     let mut entries: Vec<Entry<'_>> = Vec::new();
     for engine in engines {
+        if subject.placed.is_some() && !engine.has_instances() {
+            let (name, reason) = (engine.name().to_owned(), NO_INSTANCES.to_owned());
+            builds.left_out.push(Missing { name, reason });
+            continue;
+        }
         match crew.at_large(|| engine.prepare(crew.threads())) {
             Ok(()) => {}
             Err(EngineError::Missing(reason)) => {
@@ -101,7 +106,7 @@ impl Entry<'_> {
         watcher.step(&format!("building {} {variant}, {threads} threads", engine.name()));
         // The old one goes first, so that two never stand side by side.
         self.built = None;
-        let (built, time) = timed_build(engine, variant, &subject.triangles, crew);
+        let (built, time) = timed_build(engine, variant, subject, crew);
         let built = built.map_err(|e| engine_error(subject, engine.name(), variant, e))?;
         self.built = Some(built);
         self.seconds.push(time);
@@ -118,14 +123,14 @@ fn line(
     built: &dyn Built,
     seconds: Vec<f64>,
 ) -> Build {
-    let triangles = subject.triangles.len() as f64;
+    let triangles = subject.stored() as f64;
     let bytes = built.bytes();
     Build {
         scene: subject.name.clone(),
         engine: engine.name().to_owned(),
         variant: variant.to_owned(),
         threads,
-        triangles: subject.triangles.len() as u64,
+        triangles: subject.stored() as u64,
         mtris_per_s: triangles / median(&seconds) * 1e-6,
         bytes_per_tri: bytes.total() as f64 / triangles,
         peak_bytes_per_tri: None,
@@ -138,12 +143,12 @@ fn line(
 pub(crate) fn timed_build(
     engine: &dyn Engine,
     variant: &str,
-    triangles: &Triangles,
+    subject: &Subject,
     crew: &Crew,
 ) -> (Result<Box<dyn Built>, EngineError>, f64) {
     let work = || {
         let watch = Stopwatch::start(crew.clock());
-        let built = engine.build(variant, triangles);
+        let built = subject.build(engine, variant);
         (built, watch.elapsed().as_secs_f64())
     };
     match engine.threading() {

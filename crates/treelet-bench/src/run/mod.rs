@@ -16,7 +16,6 @@ use crate::engine::{Engine, EngineError};
 use crate::rays::{self, RaySource};
 use crate::report::{Build, Missing, Order, SceneLine, Trace};
 use crate::rivals::treelet as ours;
-use crate::scenes;
 use builds::Contender;
 use traces::Group;
 
@@ -60,19 +59,24 @@ pub fn scene(
 }
 
 /// The rays, made of what treelet sees; and that it sees what brute force does.
-pub(crate) fn checked<'a>(
-    subject: &'a Subject,
+pub(crate) fn checked(
+    subject: &Subject,
     plan: &Plan,
     watcher: &dyn Watcher,
-) -> Result<(RaySource<'a>, SceneLine), BenchError> {
-    let reference = ours::scene(ours::default_variant(), &subject.triangles)
+) -> Result<(RaySource, SceneLine), BenchError> {
+    let reference = match &subject.placed {
+        Some(placed) => ours::placed_scene(ours::default_variant(), placed),
+        None => ours::scene(ours::default_variant(), &subject.triangles),
+    };
+    let reference = reference
         .map_err(|error| engine_error(subject, ours::NAME, ours::default_variant(), error))?;
-    let up = subject.up.unwrap_or_else(|| rays::guess_up(&scenes::bounds(&subject.triangles)));
-    let source = RaySource::new(&reference, &subject.triangles, up, plan.rays);
+    let up = subject.up.unwrap_or_else(|| rays::guess_up(&reference.bounds()));
+    let source = RaySource::new(&reference, up, plan.rays);
     let mut scene = SceneLine {
         scene: subject.name.clone(),
         generated: subject.generated,
-        triangles: subject.triangles.len() as u64,
+        triangles: subject.stored() as u64,
+        instances: reference.instances() as u64,
         camera_from: source.camera.from,
         camera_at: source.camera.at,
         hit_rate: source.hit_rate,
@@ -96,7 +100,7 @@ fn trace(
     subject: &Subject,
     plan: &Plan,
     crew: &Crew,
-    source: &RaySource<'_>,
+    source: &RaySource,
     contenders: &[Contender],
     watcher: &dyn Watcher,
     traces: &mut Vec<Trace>,

@@ -2,7 +2,7 @@
 
 use super::BenchError;
 use crate::crew::Clock;
-use crate::engine::{Call, Engine, Triangles};
+use crate::engine::{Built, Call, Engine, EngineError, Placed, Triangles};
 use crate::rays::Kind;
 use crate::report::Order;
 use crate::rivals::treelet as ours;
@@ -40,8 +40,29 @@ pub struct Subject {
     pub generated: bool,
     /// Its triangles.
     pub triangles: Triangles,
+    /// What is measured in place of `triangles`, which are none then: a scene with instances.
+    pub placed: Option<Placed>,
     /// The axis that points up; `None` guesses.
     pub up: Option<usize>,
+}
+
+impl Subject {
+    /// Triangles that are stored.
+    pub fn stored(&self) -> usize {
+        self.placed.as_ref().map_or(self.triangles.len(), Placed::stored)
+    }
+
+    /// Builds it with an engine.
+    pub(crate) fn build(
+        &self,
+        engine: &dyn Engine,
+        variant: &str,
+    ) -> Result<Box<dyn Built>, EngineError> {
+        match &self.placed {
+            Some(placed) => engine.build_placed(variant, placed),
+            None => engine.build(variant, &self.triangles),
+        }
+    }
 }
 
 /// Whom a bench tells what it does, and who may stop it.

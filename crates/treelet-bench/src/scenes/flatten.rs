@@ -1,5 +1,6 @@
-//! A model as one array of triangles: not every rival has instances, so nobody gets them.
+//! A model as one array of triangles: for rivals that have no instances.
 
+use treelet::Mesh;
 use treelet_model::Model;
 
 use crate::engine::Triangles;
@@ -52,22 +53,33 @@ pub fn flatten(model: &Model) -> Result<Triangles, FlattenError> {
     for placement in &model.placements {
         let Some(object) = model.objects.get(placement.object) else { continue };
         for part in &object.parts {
-            let first = positions.len() as u32;
-            let world = |p: &[f32; 3]| placement.world_from_object.point(*p);
-            positions.extend(part.mesh.positions().iter().map(world));
-            for (prim, triangle) in part.mesh.triangles().iter().enumerate() {
-                let sound = part.mesh.defect(prim).is_none();
-                if sound && triangle.iter().all(|&v| usable(&positions[(first + v) as usize])) {
-                    indices.push(triangle.map(|vertex| first + vertex));
-                }
-            }
+            let world = |position| placement.world_from_object.point(position);
+            add(&part.mesh, world, &mut positions, &mut indices);
         }
     }
     if indices.is_empty() {
         return Err(FlattenError::Empty);
     }
     positions.push([0.0; 3]);
-    Ok(Triangles { positions: positions.into(), indices: indices.into() })
+    Ok(Triangles { positions: positions.into(), indices: indices.into(), later: None })
+}
+
+/// Adds a mesh, its points moved and its indices to where these went, without triangles that have a
+/// defect.
+pub(super) fn add(
+    mesh: &Mesh,
+    place: impl Fn([f32; 3]) -> [f32; 3],
+    positions: &mut Vec<[f32; 3]>,
+    indices: &mut Vec<[u32; 3]>,
+) {
+    let first = positions.len() as u32;
+    positions.extend(mesh.positions().iter().map(|position| place(*position)));
+    for (prim, triangle) in mesh.triangles().iter().enumerate() {
+        let sound = mesh.defect(prim).is_none();
+        if sound && triangle.iter().all(|&v| usable(&positions[(first + v) as usize])) {
+            indices.push(triangle.map(|vertex| first + vertex));
+        }
+    }
 }
 
 /// Coordinates up to here are taken by every engine.

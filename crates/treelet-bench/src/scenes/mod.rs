@@ -1,10 +1,13 @@
-//! What is measured: scene files flattened to triangles, and two scenes that are made on the spot.
+//! What is measured: scene files, with their instances or flattened to triangles, and two scenes that are made on
+//! the spot.
 
 mod flatten;
+mod placed;
 mod soup;
 mod terrain;
 
 pub use flatten::{FlattenError, flatten};
+pub use placed::{placed, repeats};
 
 use crate::engine::Triangles;
 use treelet::Aabb;

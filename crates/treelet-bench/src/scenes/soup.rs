@@ -26,5 +26,5 @@ pub(super) fn soup(count: u64) -> Triangles {
     }
     positions.push([0.0; 3]);
     let indices: Vec<_> = (0..count).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
-    Triangles { positions: positions.into(), indices: indices.into() }
+    Triangles { positions: positions.into(), indices: indices.into(), later: None }
 }

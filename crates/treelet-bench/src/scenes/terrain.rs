@@ -45,7 +45,7 @@ pub(super) fn terrain(count: u64) -> Triangles {
             indices.push([corner + 1, corner + side, corner + side + 1]);
         }
     }
-    Triangles { positions: positions.into(), indices: indices.into() }
+    Triangles { positions: positions.into(), indices: indices.into(), later: None }
 }
 
 /// Random heights on a lattice, smoothly joined.

@@ -1,5 +1,6 @@
 //! The `treelet` command as its users meet it: the real binary, in a folder of its own.
 
+mod animate;
 mod bench;
 mod choice;
 mod errors;

@@ -93,6 +93,49 @@ impl<const N: usize> Rows<'_, N> {
     }
 }
 
+/// [`BlockTest`] for triangles that move: the rows of two time steps, the part of the way between them that has passed, and
+/// how many there are.
+pub(crate) struct MovingTest<'a, const N: usize>(PhantomData<&'a ()>);
+
+impl<'a, const N: usize> Function for MovingTest<'a, N> {
+    type A = (&'a [&'a [f32; N]; 2], usize);
+    type B = (&'a TriangleRay, &'a SlabRay);
+    type C = &'a Interval;
+    type D = (f32, f32, f32);
+    type Output = BlockHits;
+
+    #[inline(always)]
+    fn run<S: Simd>(
+        simd: S,
+        ([before, then], count): (&'a [&'a [f32; N]; 2], usize),
+        (ray, slab): (&'a TriangleRay, &'a SlabRay),
+        clip: &'a Interval,
+        (t_min, t_max, along): (f32, f32, f32),
+    ) -> BlockHits {
+        let count = (count - 1) % LANES + 1;
+        let steps = [Rows { rows: before, count }, Rows { rows: then, count }];
+        hit(simd, Moving { steps, along }, count, ray, slab, clip, (t_min, t_max))
+    }
+}
+
+/// Rows that move from one place to another.
+#[derive(Clone, Copy)]
+struct Moving<'a, const N: usize> {
+    steps: [Rows<'a, N>; 2],
+    along: f32,
+}
+
+impl<const N: usize> Corners for Moving<'_, N> {
+    /// As [`crate::math::pose::between`] writes it.
+    #[inline(always)]
+    fn corner<S: Simd>(&self, simd: S, corner: usize, axes: [u8; 3]) -> [S::F4; 3] {
+        let [a, b, c] = self.steps[0].corner(simd, corner, axes);
+        let [p, q, r] = self.steps[1].corner(simd, corner, axes);
+        let along = S::F4::splat(simd, self.along);
+        [a.add(along.mul(p.sub(a))), b.add(along.mul(q.sub(b))), c.add(along.mul(r.sub(c)))]
+    }
+}
+
 /// What [`BlockTest`] says, of the first `count` triangles.
 #[inline(always)]
 pub(crate) fn hit<S: Simd>(

@@ -174,11 +174,14 @@ impl Shape {
         bounds.unwrap_or(Aabb::EMPTY)
     }
 
-    /// Where the ray first meets primitive `prim`, which is not a triangle and has no defect. Only the ray itself and the
+    /// Where the ray meets primitive `prim` first, which has no defect, at its time. Only the ray itself and the
     /// primitive decide, not what has been found so far.
     pub(crate) fn meet(&self, prim: usize, local: &Local<'_>) -> Option<Meeting> {
         match self {
-            Self::Mesh(_) => None,
+            Self::Mesh(mesh) => {
+                let corners = mesh.corners_at(prim, local.ray.time)?;
+                local.triangle.hit(&corners, local.slab, local.clip, &local.range())
+            }
             Self::Quads(quads) => quads.meet(prim, local),
             Self::Spheres(spheres) => spheres.meet(prim, local),
             Self::Discs(discs) => discs.meet(prim, local),
@@ -187,16 +190,17 @@ impl Shape {
         }
     }
 
-    /// A vector that stands on primitive `prim` of no certain length, where a ray met it with `u` and `v`: `point`, in the same
-    /// space. `None` if there is none, or it is nobody's.
+    /// A vector that stands on primitive `prim` of no certain length, where a ray met it with `u` and `v`, at a time: `point`, in the
+    /// same space. `None` if there is none, or it is nobody's.
     pub(crate) fn upright(
         &self,
         prim: usize,
         [u, v]: [f32; 2],
         point: [f64; 3],
+        time: f32,
     ) -> Option<[f64; 3]> {
         match self {
-            Self::Mesh(mesh) => Some(across(&mesh.corners(prim)?)),
+            Self::Mesh(mesh) => Some(across(&mesh.corners_at(prim, time)?)),
             Self::Quads(quads) => quads.upright(prim, [u, v]),
             Self::Spheres(spheres) => spheres.upright(prim, point),
             Self::Discs(discs) => discs.upright(prim),

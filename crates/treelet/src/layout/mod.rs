@@ -4,6 +4,7 @@ pub(crate) mod collapse;
 pub mod compact;
 mod greedy;
 pub(crate) mod lower;
+pub(crate) mod moving;
 mod order;
 pub(crate) mod packing;
 pub(crate) mod refit;

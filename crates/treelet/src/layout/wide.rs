@@ -31,6 +31,7 @@ use crate::geometry::block::{BlockHits, BlockTest};
 use crate::memory::{Pages, zeroed};
 use crate::simd::{Floats, Simd, Wide as Vectors};
 use crate::tree::PRIMS_MAX;
+use alloc::vec::Vec;
 
 /// The catalogue's entry for 8 children.
 pub const INFO_8: Info = Info {
@@ -238,6 +239,15 @@ impl<const W: usize, K: Packing<W>> Wide<W, K> {
     /// The tree of nothing.
     pub(crate) fn nothing() -> Self {
         Self { nodes: Pages::default(), root: Child::END, words: Pages::default(), triangles: 0 }
+    }
+
+    /// The children of a node and their boxes; none of a leaf.
+    pub(crate) fn below(&self, child: Child) -> Vec<(Child, Aabb)> {
+        let ChildKind::Inner { node } = child.kind() else { return Vec::new() };
+        let Some(node) = self.nodes.get(node) else { return Vec::new() };
+        let children = K::children(node).iter().enumerate();
+        let used = children.filter(|(_, child)| **child != Child::END);
+        used.map(|(slot, &child)| (child, K::bounds(node, slot))).collect()
     }
 
     /// Bytes that walks read.

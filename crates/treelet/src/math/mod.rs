@@ -7,6 +7,7 @@ pub mod affine;
 #[cfg(feature = "glam")]
 mod glam;
 pub mod morton;
+pub(crate) mod pose;
 pub mod ray;
 pub mod rounding;
 pub mod vec3;

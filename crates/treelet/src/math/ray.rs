@@ -4,7 +4,7 @@
 ///
 /// `t` is measured in lengths of `direction`, which need not be normalised. A ray that cannot hit
 /// anything is answered as a miss at once: a component that is NaN, an origin or direction that is
-/// infinite, a zero direction, a direction whose largest component is outside
+/// infinite, a zero direction, a time that is NaN, a direction whose largest component is outside
 /// `2^-100 ..= 2^120`, or `t_min > t_max`. See [`Ray::is_valid`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(C)]
@@ -17,7 +17,7 @@ pub struct Ray {
     pub direction: [f32; 3],
     /// The greatest `t` that counts; may be infinite.
     pub t_max: f32,
-    /// The moment, in `0 ..= 1`, at which moving geometry is met. Nothing moves yet.
+    /// The moment, in `0 ..= 1`, at which moving geometry is met; what lies outside counts as the nearer end.
     pub time: f32,
     /// Met are the meshes and instances whose mask has a bit in common with this one.
     pub mask: u32,
@@ -48,6 +48,11 @@ impl Ray {
         Self { t_min, ..self }
     }
 
+    /// The same ray, at a moment in `0 ..= 1`.
+    pub const fn at_time(self, time: f32) -> Self {
+        Self { time, ..self }
+    }
+
     /// `origin + t * direction`.
     pub fn at(&self, t: f32) -> [f32; 3] {
         core::array::from_fn(|axis| self.origin[axis] + t * self.direction[axis])
@@ -68,6 +73,7 @@ impl Ray {
             & (b < f32::INFINITY)
             & (c < f32::INFINITY)
             & (self.t_min <= self.t_max)
+            & !self.time.is_nan()
     }
 }
 
@@ -99,5 +105,7 @@ mod tests {
         assert!(!good.up_to(f32::NAN).is_valid());
         assert!(!good.from(f32::NAN).is_valid());
         assert!(!good.from(1.0).up_to(0.5).is_valid());
+        assert!(!good.at_time(f32::NAN).is_valid());
+        assert!(good.at_time(f32::INFINITY).is_valid(), "clamped");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | seen                                              | then                                        |
 //! |---------------------------------------------------|---------------------------------------------|
-//! | fewer than `MANY` rays, or no memory              | single rays                                 |
+//! | fewer than `MANY` rays, or no memory, or motion   | single rays                                 |
 //! | 256 rays in a row, of which 16 go together        | packets ([`crate::trace::packet`])          |
 //! | of the rest: closest, lists not dealt by          | single rays, in the slice's order           |
 //! | instructions, origins differ                      |                                             |
@@ -58,6 +58,15 @@ struct Work {
 }
 
 impl Work {
+    /// For these rays; `None` where they go one by one: where anything moves, since rays of one packet differ
+    /// in time; and where a time is no number, which packets do not look at.
+    fn of(structure: &Structure, rays: &[Ray]) -> Option<Self> {
+        if structure.moves || rays.iter().any(|ray| ray.time.is_nan()) {
+            return None;
+        }
+        Self::new(rays.len())
+    }
+
     /// For so many rays; `None` where they are too few, or there is no memory for it.
     fn new(len: usize) -> Option<Self> {
         if len < MANY { None } else { Self::try_new(len.min(PIECE)).ok() }
@@ -78,7 +87,7 @@ impl Work {
 
 /// [`closest::closest`] for each ray.
 pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]) {
-    let mut work = Work::new(rays.len());
+    let mut work = Work::of(structure, rays);
     let deals_well = structure.level.run(DealsWell);
     for (rays, hits) in rays.chunks(PIECE).zip(hits.chunks_mut(PIECE)) {
         let Some(work) = &mut work else {
@@ -101,7 +110,7 @@ pub(crate) fn closest_many(structure: &Structure, rays: &[Ray], hits: &mut [Hit]
 
 /// [`any::any`] for each ray.
 pub(crate) fn any_many(structure: &Structure, rays: &[Ray], answers: &mut [bool]) {
-    let mut work = Work::new(rays.len());
+    let mut work = Work::of(structure, rays);
     for (rays, answers) in rays.chunks(PIECE).zip(answers.chunks_mut(PIECE)) {
         let Some(work) = &mut work else {
             for (ray, out) in rays.iter().zip(answers) {

@@ -4,9 +4,12 @@ use super::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use super::choice;
 use super::gather::{Names, Prims, add_triangles, first_ids, other_boxes};
 use super::improve;
+use super::moving::{self, Moving};
+use super::open;
 use super::place::{Placements, parts, place_instances};
 use super::quality::Cuttable;
 use super::report::BuildReport;
+use super::travel;
 use super::{Plan, Quality, Scene, SceneError};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
@@ -17,9 +20,10 @@ use crate::layout::compact::pack::pack;
 use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
-use crate::trace::placements::Instance;
+use crate::trace::moving::MovingMesh;
+use crate::trace::placements::{Instance, Instances, Part};
 use crate::trace::structure::{Geometry, Layout, Structure};
-use crate::tree::{Kind, Tree};
+use crate::tree::{Kind, PRIMS_MAX, Tree};
 use alloc::string::ToString;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -51,6 +55,7 @@ pub(super) struct Gathered {
     geometries: Vec<Geometry>,
     first_ids: Vec<u32>,
     placements: Placements,
+    moving: Vec<Moving>,
     prims: Prims,
     report: BuildReport,
     clock: Stopwatch,
@@ -66,36 +71,38 @@ impl Gathered {
         let mut report = BuildReport::default();
         let SceneBuilder { geometries, instances } = description;
         let first_ids = first_ids(&geometries)?;
-        let others = other_boxes(&geometries, &first_ids, options, &mut report)?;
+        let mut others = other_boxes(&geometries, &first_ids, options, &mut report)?;
+        let moving = moving::gather(&geometries, &first_ids, options, &mut report)?;
+        others.extend(moving.iter().map(|mesh| (mesh.first_id, mesh.bounds)));
+        others.sort_unstable_by_key(|(id, _)| *id);
         let meshes = geometries.iter().enumerate();
         let meshes = meshes.filter_map(|(geom, geometry)| Some((geom, geometry.mesh()?)));
-        let triangles = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
-        let mut prims = Prims::with_room(triangles, instances.len() + others.len())?;
+        let meshes = meshes.filter(|(_, mesh)| !mesh.is_moving());
+        let triangles: usize = meshes.clone().map(|(_, mesh)| mesh.triangles().len()).sum();
+        let budget = open::budget(instances.len(), options);
+        let singles = instances.len() + others.len();
+        let room = triangles.saturating_add(singles);
+        let budget = budget.min(PRIMS_MAX.saturating_sub(room));
+        let mut prims = Prims::with_room(triangles, singles + budget)?;
         for (geom, mesh) in meshes {
             add_triangles(geom, mesh, options, &mut prims, &mut report)?;
         }
         let around = others.iter().fold(prims.around, |all, (_, bounds)| all.union(bounds));
         prims.around = around;
-        let placements = place_instances(parts(instances), around, options, &mut report)?;
-        let placed = placements
-            .instances
-            .iter()
-            .zip(0..)
-            .filter(|(instance, _)| !instance.bounds().is_empty());
-        for (instance, index) in placed {
-            prims.add_single(index, instance.bounds());
-        }
-        report.instances = prims.singles.len() as u64;
-        // Leaves call them by their ids, after all instances.
-        let after = placements.instances.len() as u64;
+        let mut placements = place_instances(parts(instances), around, options, &mut report)?;
+        let opened = open::parts(&placements.instances, budget);
+        placements.instances = mem::take(&mut placements.instances).opened(&opened);
+        add_instances(&placements.instances, &opened, &mut prims, &mut report);
+        // Leaves call them by their ids, after all instances and parts of them.
+        let after = placements.instances.entries() as u64;
         for (id, bounds) in others {
             let number = after + u64::from(id);
             let number =
                 u32::try_from(number).map_err(|_| BuildError::TooManyPrims { prims: number })?;
             prims.add_single(number, bounds);
         }
-        report.triangles = prims.triangles as u64;
-        Ok(Self { geometries, first_ids, placements, prims, report, clock })
+        report.triangles += prims.triangles as u64;
+        Ok(Self { geometries, first_ids, placements, moving, prims, report, clock })
     }
 
     /// What leaves will hold.
@@ -117,7 +124,7 @@ impl Gathered {
         again: bool,
     ) -> Result<Scene, SceneError> {
         let (mut tree, mut report) = self.tree(plan, options)?;
-        let Self { geometries, first_ids, placements, prims, clock, .. } = self;
+        let Self { geometries, first_ids, placements, moving, prims, clock, .. } = self;
         if report.tree.leaf_max as usize > LEAF_MAX || !prims.singles.is_empty() {
             tree = split_leaves(tree, prims.bounds(), prims.triangles);
         }
@@ -129,7 +136,9 @@ impl Gathered {
         };
         let content =
             Content { geometries, first_ids, placements: Placements { instances, ..*placements } };
-        let structure = finish(content, prims, &tree, plan.collapse, options, again)?;
+        let mut structure = finish(content, prims, &tree, plan.collapse, options, again)?;
+        moving::build(&mut structure, moving, plan, options)?;
+        travel::split(&mut structure, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();
         let (structure, report) = (Arc::new(structure), Arc::new(report));
@@ -163,6 +172,34 @@ struct Content {
     geometries: Vec<Geometry>,
     first_ids: Vec<u32>,
     placements: Placements,
+}
+
+/// Adds the instances that are somewhere, or in the place of those that are opened their parts.
+fn add_instances(
+    instances: &Instances,
+    opened: &[(Part, Aabb)],
+    prims: &mut Prims,
+    report: &mut BuildReport,
+) {
+    // Usually that is all of them, block after block.
+    if opened.is_empty() && prims.add_blocks(&instances.blocks) {
+        report.instances = instances.len() as u64;
+        return;
+    }
+    let mut opened = opened.iter().map(|(part, _)| part.instance).peekable();
+    let placed = instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds().is_empty());
+    for (instance, index) in placed {
+        report.instances += 1;
+        if opened.peek() != Some(&index) {
+            prims.add_single(index, instance.bounds());
+            continue;
+        }
+        report.opened_instances += 1;
+        while opened.next_if_eq(&index).is_some() {}
+    }
+    for number in instances.len()..instances.entries() {
+        prims.add_single(number as u32, instances.bounds(number));
+    }
 }
 
 /// Lowers the tree and derives what walks need to know about the level. The boxes of `prims` are let go unless
@@ -200,10 +237,10 @@ fn finish(
             Layout::Compact(pack(&wide, cancel)?)
         }
     };
-    for (at, instance) in instances.iter().enumerate() {
-        if !instance.structure.layout.is_as(&layout) {
-            return Err(SceneError::MixedLayouts { instance: at });
-        }
+    if instances.blocks.iter().any(|block| block.layouts & !layout.bit() != 0) {
+        let other = |instance: &Instance| !instance.structure.layout.is_as(&layout);
+        let instance = instances.iter().position(other).unwrap_or_default();
+        return Err(SceneError::MixedLayouts { instance });
     }
     let level = Level {
         level,
@@ -241,10 +278,14 @@ impl Level {
         Structure {
             repeats: self.repeats,
             level,
-            flat: instances.is_empty() && geometries.iter().all(|it| it.mesh().is_some()),
+            flat: instances.is_empty()
+                && geometries.iter().all(|it| it.mesh().is_some_and(|mesh| !mesh.is_moving())),
             unmasked: geometries.iter().all(|geometry| geometry.mask == u32::MAX),
             geometries,
             first_ids,
+            moves: instances.blocks.iter().any(|block| block.moves),
+            moving: Vec::new(),
+            spans: Vec::new(),
             instances,
             layout,
             bounds,
@@ -336,6 +377,7 @@ fn cover(tree: &Tree) -> Vec<Aabb> {
 
 /// Bytes that walks read on one level.
 pub(super) fn level_bytes(level: &Structure) -> u64 {
-    let bytes = level.layout.bytes() + size_of::<Instance>() * level.instances.len();
-    bytes as u64
+    let moving = level.moving.iter().map(MovingMesh::bytes).sum::<usize>();
+    let spans = level.spans.iter().map(Layout::bytes).sum::<usize>();
+    (level.layout.bytes() + spans + level.instances.bytes() + moving) as u64
 }

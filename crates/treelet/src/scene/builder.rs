@@ -9,6 +9,7 @@ use crate::layout::{compact, wide};
 use crate::math::Affine;
 use crate::optimize::Optimizer;
 use crate::simd::Level;
+use crate::trace::placements::BLOCK;
 use crate::trace::structure::{Geometry, Structure};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -78,6 +79,12 @@ pub struct BuildOptions<'a> {
     /// The packed form of the tree; by default what is best for `level`. A scene and those placed
     /// into it must agree.
     pub layout: Option<LayoutChoice>,
+    /// Whether meshes that move, and scenes of nothing but instances of which some move, may have several trees, each for a
+    /// part of the time, where that makes rays cheaper: at most [`SEGMENTS_MAX`](super::SEGMENTS_MAX) for each.
+    pub temporal_splits: bool,
+    /// Whether large instances may be opened: the tree then holds several boxes in place of one that is mostly
+    /// empty, at most twice as many as there are instances in all. Answers do not change. Quick builds never do it.
+    pub open_instances: bool,
     /// Some of the rays to come: for [`Quality::Rays`] and [`Quality::Auto`], which otherwise make their own.
     pub pilot: Pilot<'a>,
     /// Cancels and watches the build.
@@ -100,6 +107,8 @@ impl Default for BuildOptions<'_> {
             invalid: Invalid::default(),
             level: Level::best(),
             layout: None,
+            temporal_splits: true,
+            open_instances: true,
             pilot: Pilot::default(),
             context: Context::default(),
         }
@@ -110,7 +119,36 @@ impl Default for BuildOptions<'_> {
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
     pub(super) geometries: Vec<Geometry>,
-    pub(super) instances: Vec<Placed>,
+    pub(super) instances: Crowd,
+}
+
+/// What is to be placed, in blocks as the scene will have them, so that nothing moves once more.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Crowd {
+    /// All but the last are full.
+    pub(super) blocks: Vec<Vec<Placed>>,
+}
+
+impl Crowd {
+    pub(super) fn len(&self) -> usize {
+        let last = self.blocks.last().map_or(0, Vec::len);
+        self.blocks.len().saturating_sub(1) * BLOCK + last
+    }
+
+    pub(super) fn push(&mut self, placed: Placed) {
+        match self.blocks.last_mut() {
+            Some(block) if block.len() < BLOCK => block.push(placed),
+            _ => self.blocks.push(alloc::vec![placed]),
+        }
+    }
+}
+
+impl FromIterator<Placed> for Crowd {
+    fn from_iter<I: IntoIterator<Item = Placed>>(placed: I) -> Self {
+        let mut crowd = Self::default();
+        placed.into_iter().for_each(|placed| crowd.push(placed));
+        crowd
+    }
 }
 
 /// A scene to be placed.
@@ -119,6 +157,8 @@ pub(super) struct Placed {
     pub(super) structure: Arc<Structure>,
     pub(super) world_from_object: Affine,
     pub(super) mask: u32,
+    /// The maps of all time steps, if it moves.
+    pub(super) steps: Option<Arc<[Affine]>>,
 }
 
 impl SceneBuilder {
@@ -172,7 +212,43 @@ impl SceneBuilder {
     #[must_use]
     pub fn instance_masked(mut self, scene: &Scene, world_from_object: Affine, mask: u32) -> Self {
         let structure = Arc::clone(&scene.structure);
-        self.instances.push(Placed { structure, world_from_object, mask });
+        self.instances.push(Placed { structure, world_from_object, mask, steps: None });
+        self
+    }
+
+    /// Places a scene that moves: its maps at time steps that are equally spaced over times `0 ..= 1`. Between two
+    /// steps, translation and stretch change linearly, and rotations turn at constant speed along the shorter
+    /// way, so that nothing shrinks while it turns: an object that turns by more than half a turn needs steps between.
+    /// One step does not move; none is the identity. No step may mirror unless all do.
+    ///
+    /// ```
+    /// use treelet::{Affine, BuildOptions, Mesh, Ray, Scene};
+    ///
+    /// let mesh = Mesh::new([[1.0, -0.1, -0.1], [1.0, 0.1, -0.1], [1.0, 0.0, 0.2]], [[0, 1, 2]]);
+    /// let blade = Scene::builder().mesh(mesh).build(&BuildOptions::default())?;
+    /// let turn = |angle| Affine::rotation([0.0, 0.0, 1.0], angle);
+    /// let quarter = core::f32::consts::FRAC_PI_2;
+    /// let scene = Scene::builder()
+    ///     .instance_moving(&blade, &[turn(0.0), turn(quarter)])
+    ///     .build(&BuildOptions::default())?;
+    /// // Half way, it is half turned, and as far from the axis as before.
+    /// let ray = Ray::new([0.0; 3], [0.5_f32.sqrt(), 0.5_f32.sqrt(), 0.0]);
+    /// assert!((scene.closest(&ray.at_time(0.5)).unwrap().t - 1.0).abs() < 1e-6);
+    /// assert!(scene.closest(&ray).is_none());
+    /// # Ok::<(), treelet::SceneError>(())
+    /// ```
+    #[must_use]
+    pub fn instance_moving(self, scene: &Scene, steps: &[Affine]) -> Self {
+        self.instance_moving_masked(scene, steps, u32::MAX)
+    }
+
+    /// The same, met by rays whose mask has a bit in common with `mask`.
+    #[must_use]
+    pub fn instance_moving_masked(mut self, scene: &Scene, steps: &[Affine], mask: u32) -> Self {
+        let structure = Arc::clone(&scene.structure);
+        let world_from_object = steps.first().copied().unwrap_or_default();
+        let steps = (steps.len() > 1).then(|| steps.into());
+        self.instances.push(Placed { structure, world_from_object, mask, steps });
         self
     }
 

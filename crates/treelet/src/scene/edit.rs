@@ -97,6 +97,8 @@ pub enum Reason {
     Different,
     /// A triangle is not fit for a scene, or one that was not was left out.
     Unfit,
+    /// A mesh moves with time, before or after: its boxes are not refitted.
+    Moving,
     /// The boxes had grown too much, or for so long that mending pays.
     Decayed,
 }
@@ -109,6 +111,7 @@ impl core::fmt::Display for Reason {
             Self::Same => "the same triangles and instances, in boxes that are still good enough",
             Self::Different => "other triangles or instances than before",
             Self::Unfit => "triangles that are, or were, not fit for a scene",
+            Self::Moving => "a mesh that moves with time",
             Self::Decayed => "the boxes had grown too much",
         })
     }
@@ -294,7 +297,7 @@ impl Edit {
         geom
     }
 
-    /// Moves an instance.
+    /// Moves an instance, which is there at all times then.
     ///
     /// # Errors
     ///
@@ -304,7 +307,9 @@ impl Edit {
         instance: usize,
         world_from_object: Affine,
     ) -> Result<(), EditError> {
-        self.instance(instance)?.world_from_object = world_from_object;
+        let placed = self.instance(instance)?;
+        placed.world_from_object = world_from_object;
+        placed.steps = None;
         Ok(())
     }
 
@@ -345,7 +350,7 @@ impl Edit {
         let instance = self.counts[1];
         self.counts[1] += 1;
         let structure = Arc::clone(&scene.structure);
-        let placed = Placed { structure, world_from_object, mask: u32::MAX };
+        let placed = Placed { structure, world_from_object, mask: u32::MAX, steps: None };
         self.instances.insert(instance, placed);
         instance
     }

@@ -20,6 +20,20 @@ pub enum SceneError {
         /// What is wrong.
         defect: Defect,
     },
+    /// The time steps of a mesh differ in their numbers of vertices.
+    #[error(
+        "mesh {geom}: time step {step} has {vertices} vertices, the first has {first}; give every step as many"
+    )]
+    Steps {
+        /// Which mesh of the scene.
+        geom: usize,
+        /// The first step that differs.
+        step: usize,
+        /// How many vertices it has.
+        vertices: usize,
+        /// How many the first step has.
+        first: usize,
+    },
     /// A primitive that is no triangle is not finite, or too far away.
     #[error("geometry {geom}, {kind} {prim}: {defect}; mend it, or build with `Invalid::Skip`")]
     Primitive {
@@ -83,6 +97,7 @@ impl SceneError {
 
 /// What makes an instance unfit for a scene.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
 pub enum InstanceDefect {
     /// No map leads back from the world to the object.
     #[error("the matrix {rows:?} is singular or has no inverse in f32")]
@@ -101,6 +116,22 @@ pub enum InstanceDefect {
     Scale {
         /// The matrix.
         rows: [[f32; 4]; 3],
+    },
+    /// The map of a time step cannot be used.
+    #[error(
+        "time step {step}: the matrix {rows:?} is singular, not finite, or scales by more than 2^80"
+    )]
+    Step {
+        /// Which step.
+        step: usize,
+        /// The matrix.
+        rows: [[f32; 4]; 3],
+    },
+    /// Between two time steps lies a map that is singular.
+    #[error("time step {step} mirrors, the one before does not, or the other way round")]
+    Mirrored {
+        /// The later one.
+        step: usize,
     },
     /// Part of the placed object lies beyond `±2^62`.
     #[error("its box {lo:?} .. {hi:?} lies partly beyond ±2^62")]

@@ -7,17 +7,21 @@ mod edit;
 mod error;
 mod gather;
 mod improve;
+mod moving;
+mod open;
 mod place;
 mod quality;
 mod recipe;
 mod report;
 mod slices;
+mod travel;
 mod upkeep;
 
 pub use builder::{BuildOptions, Invalid, LayoutChoice, SceneBuilder};
 pub use choice::{Candidate, Choice, Pilot};
 pub use edit::{Action, Commit, DECAY_MAX, Edit, EditError, Parts, Policy, Reason};
 pub use error::{InstanceDefect, SceneError, WrongLength};
+pub use moving::SEGMENTS_MAX;
 pub use quality::{Plan, Quality};
 pub use recipe::{Recipe, RecipeError};
 pub use report::{BuildReport, Skipped};
@@ -159,6 +163,21 @@ impl Scene {
         Arc::ptr_eq(&self.structure, &other.structure)
     }
 
+    /// Whether anything in this scene moves with time: meshes, instances, or what is in those.
+    pub fn is_moving(&self) -> bool {
+        self.structure.moves
+    }
+
+    /// Parts of the time for which this scene has trees of its own, where instances move; 1 if it has one for all.
+    pub fn spans(&self) -> usize {
+        self.structure.spans.len().max(1)
+    }
+
+    /// Segments of time, and so trees, of each mesh that moves, with its `geom`.
+    pub fn segments(&self) -> impl ExactSizeIterator<Item = (usize, usize)> {
+        self.structure.moving.iter().map(|mesh| (mesh.geom, mesh.segments()))
+    }
+
     /// How many instances are directly in this scene.
     pub fn instances(&self) -> usize {
         self.structure.instances.len()
@@ -173,38 +192,49 @@ impl Scene {
     /// level was built; empty for this scene's own meshes. `None` if there is no such path.
     pub fn path(&self, inst: u64) -> Option<Vec<usize>> {
         let mut path = Vec::new();
-        self.descend(inst, |index, _| path.push(index))?;
+        self.descend(inst, 0.0, |index, _| path.push(index))?;
         Some(path)
     }
 
     /// The map from the innermost object of `inst` to this scene: the product of the instances' own
-    /// maps, in f64, rounded once a level. `None` if there is no such path.
+    /// maps, in f64, rounded once a level. `None` if there is no such path. At time 0: see
+    /// [`Scene::world_from_object_at`].
     pub fn world_from_object(&self, inst: u64) -> Option<Affine> {
+        self.world_from_object_at(inst, 0.0)
+    }
+
+    /// The same at a time in `0 ..= 1`.
+    pub fn world_from_object_at(&self, inst: u64, time: f32) -> Option<Affine> {
         let mut map = Affine::IDENTITY;
-        self.descend(inst, |_, world_from_object| map = map.then_from(world_from_object))?;
+        self.descend(inst, time, |_, world_from_object| map = map.then_from(world_from_object))?;
         Some(map)
     }
 
     /// The corners of the triangle that was hit, in the space of its object; `None` if the hit is
-    /// not one of this scene, or no triangle was hit.
+    /// not one of this scene, or no triangle was hit. At time 0: see [`Scene::corners_at`].
     pub fn corners(&self, hit: &Hit) -> Option<[[f32; 3]; 3]> {
-        let level = self.descend(hit.inst, |_, _| ())?;
-        level.geometries.get(hit.geom as usize)?.mesh()?.corners(hit.prim as usize)
+        self.corners_at(hit, 0.0)
+    }
+
+    /// The same at a time in `0 ..= 1`.
+    pub fn corners_at(&self, hit: &Hit, time: f32) -> Option<[[f32; 3]; 3]> {
+        let level = self.descend(hit.inst, time, |_, _| ())?;
+        level.geometries.get(hit.geom as usize)?.mesh()?.corners_at(hit.prim as usize, time)
     }
 
     /// The unit normal of what `ray` hit, in this scene's space: of a triangle or a quad it points to the side
     /// from which the corners run counter-clockwise, of a disc where its own does, of a sphere or a curve outward. `None` if the
     /// hit is not one of this scene, or there is no normal: a degenerate triangle has none.
     pub fn normal(&self, ray: &Ray, hit: &Hit) -> Option<[f32; 3]> {
-        let level = self.descend(hit.inst, |_, _| ())?;
+        let level = self.descend(hit.inst, ray.time, |_, _| ())?;
         let shape = &level.geometries.get(hit.geom as usize)?.shape;
-        let map = self.world_from_object(hit.inst)?;
+        let map = self.world_from_object_at(hit.inst, ray.time)?;
         let inverse = map.inverse_f64()?;
         // The point, in the space of the object.
         let world =
             shape::along(shape::wide(ray.origin), f64::from(hit.t), shape::wide(ray.direction));
         let point = inverse.map(|[x, y, z, w]| shape::dot([x, y, z], world) + w);
-        let upright = shape.upright(hit.prim as usize, [hit.u, hit.v], point)?;
+        let upright = shape.upright(hit.prim as usize, [hit.u, hit.v], point, ray.time)?;
         // What stands on a surface goes through the transposed inverse.
         let column = |axis: usize| inverse.map(|row| row[axis]);
         let normal = [0, 1, 2].map(|axis| shape::dot(column(axis), upright));
@@ -238,7 +268,7 @@ impl Scene {
     /// A triangle on the level of `inst`, chosen by two random numbers, or one across the box of another
     /// primitive; `None` if the level has none.
     pub(crate) fn pick_triangle(&self, inst: u64, geom: u64, prim: u64) -> Option<[[f32; 3]; 3]> {
-        let level = self.descend(inst, |_, _| ())?;
+        let level = self.descend(inst, 0.0, |_, _| ())?;
         let geom = geom.checked_rem(level.geometries.len() as u64)?;
         let shape = &level.geometries[geom as usize].shape;
         let prim = prim.checked_rem(shape.len() as u64)? as usize;
@@ -256,8 +286,14 @@ impl Scene {
         &self.structure
     }
 
-    /// Walks down to the level of `inst`, showing each instance on the way.
-    fn descend(&self, inst: u64, mut show: impl FnMut(usize, &Affine)) -> Option<&Structure> {
+    /// Walks down to the level of `inst`, showing each instance on the way, with its map of a
+    /// time.
+    fn descend(
+        &self,
+        inst: u64,
+        time: f32,
+        mut show: impl FnMut(usize, &Affine),
+    ) -> Option<&Structure> {
         let mut level = &*self.structure;
         if inst >= level.paths {
             return None;
@@ -266,7 +302,10 @@ impl Scene {
         while rest > 0 {
             // Ranks rise, the first being 1: the last instance whose rank is not above `rest`.
             let (index, instance) = level.instances.of_rank(rest)?;
-            show(index, &instance.world_from_object);
+            match &instance.motion {
+                None => show(index, &instance.world_from_object),
+                Some(motion) => show(index, &motion.world_from_object(time)),
+            }
             rest -= instance.rank;
             level = &instance.structure;
         }

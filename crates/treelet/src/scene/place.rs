@@ -1,15 +1,16 @@
 //! Where instances are: checked, ranked, boxed, and widened as `trace::slack` derives.
 
-use super::builder::{BuildOptions, Invalid, Placed};
+use super::builder::{BuildOptions, Crowd, Invalid, Placed};
 use super::report::BuildReport;
-use super::{InstanceDefect, SceneError};
+use super::{InstanceDefect, SceneError, travel};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::math::{Affine, affine};
 use crate::memory;
+use crate::trace::motion::Motion;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
-use crate::trace::slack::{Near, Slack};
+use crate::trace::slack::{self, Near, Norms, Slack};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -19,7 +20,7 @@ const FIDELITY: f64 = 1.0 / 1024.0;
 
 /// Maps may lengthen and shorten by this much: a ray of any common length then stays, seen from
 /// inside, within the lengths at which rays are answered (`Ray::is_valid`).
-const SCALE_MAX: f64 = (1_u128 << 80) as f64;
+pub(super) const SCALE_MAX: f64 = (1_u128 << 80) as f64;
 
 /// The instances of a level, and what follows from where they are.
 pub(super) struct Placements {
@@ -41,21 +42,17 @@ pub(super) enum Part {
 }
 
 /// Blocks of what is to be placed, each full but for the last.
-pub(super) fn parts(placed: impl IntoIterator<Item = Placed>) -> Vec<Part> {
-    let mut placed = placed.into_iter().peekable();
-    let mut parts = Vec::new();
-    while placed.peek().is_some() {
-        parts.push(Part::New(placed.by_ref().take(BLOCK).collect()));
-    }
-    parts
+pub(super) fn parts(placed: Crowd) -> Vec<Part> {
+    placed.blocks.into_iter().map(Part::New).collect()
 }
 
 impl Placed {
     /// An instance as the caller gave it.
     pub(super) fn again(instance: &Instance) -> Self {
-        let Instance { structure, world_from_object, mask, .. } = instance;
+        let Instance { structure, world_from_object, mask, motion, .. } = instance;
         let (world_from_object, mask) = (*world_from_object, *mask);
-        Self { structure: Arc::clone(structure), world_from_object, mask }
+        let steps = motion.as_ref().map(|motion| motion.path.maps().into());
+        Self { structure: Arc::clone(structure), world_from_object, mask, steps }
     }
 }
 
@@ -81,8 +78,7 @@ pub(super) fn place_instances(
         if let Located::New { defects, .. } = located {
             report_defects(block, defects, options, report)?;
         }
-        let empty = located.block().items.iter().filter(|it| it.structure.bounds.is_empty());
-        report.empty_instances += empty.count() as u64;
+        report.empty_instances += located.block().empty;
     }
 
     // Only now is it known how large the level is, and so what rays are near.
@@ -122,7 +118,7 @@ type Defects = Vec<(usize, InstanceDefect)>;
 /// A block of instances that are where they are, their boxes not widened if they are new.
 enum Located {
     Kept(Arc<Block>),
-    New { block: Block, defects: Defects },
+    New { block: Block, all_norms: Vec<Norms>, defects: Defects },
 }
 
 impl Located {
@@ -134,29 +130,51 @@ impl Located {
             far_share: 0.0,
             paths: 0,
             repeats: false,
+            empty: 0,
+            layouts: 0,
+            moves: false,
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
+        let mut all_norms = Vec::with_capacity(placed.len());
         for (at, placed) in placed.into_iter().enumerate() {
-            let place = locate(&placed).unwrap_or_else(|defect| {
+            let located = match &placed.steps {
+                None => locate(&placed),
+                Some(steps) => travel::locate(&placed.structure, steps),
+            };
+            let place = located.unwrap_or_else(|defect| {
                 defects.push((at, defect));
                 Place::NOWHERE
             });
-            let Placed { structure, world_from_object, mask } = placed;
-            let Place { object_from_world, bounds, reach } = place;
+            let Placed { structure, world_from_object, mask, .. } = placed;
+            let Place { object_from_world, bounds, reach, norms, motion } = place;
+            all_norms.push(norms);
             if !bounds.is_empty() {
-                let limit = Near::limit(&structure.slack, &object_from_world);
+                let limit = match &motion {
+                    None => Near::limit(&structure.slack, &object_from_world),
+                    Some(motion) => travel::limit(&structure.slack, motion),
+                };
                 block.limit = block.limit.min(limit);
             }
             block.reach = block.reach.union(&reach);
             block.paths = block.paths.saturating_add(structure.paths);
             block.repeats |= structure.repeats;
+            block.empty += u64::from(structure.bounds.is_empty());
+            block.layouts |= structure.layout.bit();
+            block.moves |= structure.moves | motion.is_some();
             let columns = Instance::columns(&object_from_world);
             let (corners, rank) = (Instance::corners(&bounds), 0);
-            let placed = Instance { columns, corners, structure, rank, mask, world_from_object };
-            block.items.push(placed);
+            block.items.push(Instance {
+                columns,
+                corners,
+                structure,
+                rank,
+                mask,
+                motion,
+                world_from_object,
+            });
         }
-        Self::New { block, defects }
+        Self::New { block, all_norms, defects }
     }
 
     fn block(&self) -> &Block {
@@ -168,31 +186,32 @@ impl Located {
 
     /// With boxes for what is near, and ranks from `rank` on; and what is wrong with that.
     fn widened(self, near: Near, rank: u64) -> (Arc<Block>, Defects) {
-        let mut block = match self {
-            Self::New { block, .. } => block,
+        let (mut block, all_norms) = match self {
+            Self::New { block, all_norms, .. } => (block, all_norms),
             Self::Kept(block) if block.near == near && block.first_rank() == Some(rank) => {
                 return (block, Vec::new());
             }
             Self::Kept(block) => match Self::new(block.items.iter().map(Placed::again).collect()) {
-                Self::New { block, .. } => block,
+                Self::New { block, all_norms, .. } => (block, all_norms),
                 Self::Kept(block) => return (block, Vec::new()),
             },
         };
         let mut defects = Vec::new();
         let mut next = rank;
-        for (at, instance) in block.items.iter_mut().enumerate() {
+        for (at, (instance, norms)) in block.items.iter_mut().zip(&all_norms).enumerate() {
             instance.rank = next;
             next = next.saturating_add(instance.structure.paths);
             let bounds = instance.bounds();
             if bounds.is_empty() {
                 continue;
             }
-            let map = &instance.object_from_world();
-            // Not singular, or it would be nowhere.
-            let exact = map.inverse_f64().unwrap_or_default();
-            let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
+            let (bounds, far_share) = if instance.motion.is_some() {
+                travel::widen(instance, near)
+            } else {
+                let (by, far_share) = near.widening_of(&instance.structure.slack, *norms);
+                (bounds.widened(by), far_share)
+            };
             block.far_share = block.far_share.max(far_share);
-            let bounds = bounds.widened(by);
             instance.set_bounds(&bounds);
             if !is_near(&bounds) {
                 let Aabb { lo, hi } = bounds;
@@ -225,15 +244,24 @@ fn report_defects(
 }
 
 /// Where an instance is.
-struct Place {
-    object_from_world: Affine,
-    bounds: Aabb,
-    reach: Aabb,
+pub(super) struct Place {
+    pub(super) object_from_world: Affine,
+    pub(super) bounds: Aabb,
+    pub(super) reach: Aabb,
+    /// What [`Near::widening_of`] asks for where nothing moves.
+    pub(super) norms: Norms,
+    /// How it moves; the bounds are not widened yet.
+    pub(super) motion: Option<Arc<Motion>>,
 }
 
 impl Place {
-    const NOWHERE: Self =
-        Self { object_from_world: Affine::IDENTITY, bounds: Aabb::EMPTY, reach: Aabb::EMPTY };
+    pub(super) const NOWHERE: Self = Self {
+        object_from_world: Affine::IDENTITY,
+        bounds: Aabb::EMPTY,
+        reach: Aabb::EMPTY,
+        norms: [0.0; 4],
+        motion: None,
+    };
 }
 
 fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
@@ -268,7 +296,8 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     };
     let reach = whole.union(&bounds);
     let Aabb { lo, hi } = reach;
-    let place = Place { object_from_world, bounds, reach };
+    let norms = slack::norms(&object_from_world, &exact);
+    let place = Place { object_from_world, bounds, reach, norms, motion: None };
     if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
 }
 
@@ -288,6 +317,6 @@ fn largest(map: &[[f64; 4]; 3]) -> f64 {
     map.iter().flat_map(|row| &row[..3]).fold(0.0, |largest, entry| largest.max(entry.abs()))
 }
 
-fn is_near(bounds: &Aabb) -> bool {
+pub(super) fn is_near(bounds: &Aabb) -> bool {
     bounds.lo.iter().chain(&bounds.hi).all(|x| x.abs() <= COORDINATE_MAX)
 }

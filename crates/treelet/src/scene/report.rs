@@ -24,6 +24,9 @@ pub struct BuildReport {
     pub others: u64,
     /// Instances in the tree.
     pub instances: u64,
+    /// Of these, instances whose large, empty boxes the tree has not: several smaller ones in their place, around parts
+    /// of what is placed.
+    pub opened_instances: u64,
     /// Instances of scenes that hold nothing: kept in the numbering, not in the tree.
     pub empty_instances: u64,
     /// What was left out, because the caller chose so.

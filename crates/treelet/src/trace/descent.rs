@@ -4,13 +4,14 @@
 use super::counters::Count;
 use super::pending::{Order, Pending, STACK_NEAR};
 use crate::bounds::SlabRay;
+use crate::layout::moving::Planes;
 use crate::layout::packing::Packing;
-use crate::layout::wide::Child;
+use crate::layout::wide::{Child, Node};
 use crate::memory::Stack;
 use crate::simd::{Floats, Kernel, Simd, Wide};
 
 /// The ray in every lane.
-struct Lanes<F> {
+pub(super) struct Lanes<F> {
     near: [F; 3],
     far: [F; 3],
     reciprocal: [F; 3],
@@ -19,7 +20,7 @@ struct Lanes<F> {
 
 impl<F> Lanes<F> {
     #[inline(always)]
-    fn new<S: Wide<W, F = F>, const W: usize>(simd: S, ray: &SlabRay) -> Self
+    pub(super) fn new<S: Wide<W, F = F>, const W: usize>(simd: S, ray: &SlabRay) -> Self
     where
         F: Floats<W, Token = S>,
     {
@@ -49,6 +50,40 @@ impl<F> Lanes<F> {
         let entry = entry_x.max(entry_y).max(entry_z.max(t_min));
         let exit = exit_x.min(exit_y).min(exit_z.min(t_max));
         (entry.le(exit) & K::slots(node), entry)
+    }
+
+    /// The same of boxes that move, where so many steps have `passed`.
+    #[inline(always)]
+    pub(super) fn test_moving<S, const W: usize>(
+        &self,
+        simd: S,
+        node: &Node<W>,
+        deltas: &Planes<W>,
+        passed: F,
+        t_min: F,
+        t_max: F,
+    ) -> (u32, F)
+    where
+        S: Wide<W, F = F>,
+        F: Floats<W, Token = S>,
+    {
+        let plane = |axis: usize, side: usize| {
+            let base = F::load(simd, &node.planes[axis][side]);
+            base.add(passed.mul(F::load(simd, &deltas[axis][side])))
+        };
+        let entry = |axis: usize| {
+            let planes = plane(axis, self.backward[axis] & 1);
+            planes.sub(self.near[axis]).mul(self.reciprocal[axis])
+        };
+        let [entry_x, entry_y, entry_z] = [entry(0), entry(1), entry(2)];
+        let exit = |axis: usize| {
+            let planes = plane(axis, self.backward[axis] & 1 ^ 1);
+            planes.sub(self.far[axis]).mul(self.reciprocal[axis])
+        };
+        let [exit_x, exit_y, exit_z] = [exit(0), exit(1), exit(2)];
+        let entry = entry_x.max(entry_y).max(entry_z.max(t_min));
+        let exit = exit_x.min(exit_y).min(exit_z.min(t_max));
+        (entry.le(exit), entry)
     }
 
     #[inline(always)]

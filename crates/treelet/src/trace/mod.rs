@@ -4,6 +4,8 @@ pub mod counters;
 mod descent;
 mod instance;
 mod leaf;
+pub(crate) mod motion;
+pub(crate) mod moving;
 pub(crate) mod packet;
 pub(crate) mod pending;
 pub(crate) mod placements;

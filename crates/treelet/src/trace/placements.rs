@@ -1,9 +1,11 @@
 //! The instances of a level, in blocks that snapshots share: an edit of one copies its block, not all.
 
+use super::motion::Motion;
 use super::slack::Near;
 use super::structure::Structure;
 use crate::bounds::Aabb;
-use crate::math::Affine;
+use crate::layout::wide::Child;
+use crate::math::{Affine, affine};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -23,7 +25,8 @@ pub(crate) const BLOCK: usize = 256;
 /// | 96..104  | `structure`         |
 /// | 104..112 | `rank`              |
 /// | 112..116 | `mask`              |
-/// | 116..164 | `world_from_object` |
+/// | 120..128 | `motion`            |
+/// | 128..176 | `world_from_object` |
 #[derive(Clone, Debug)]
 #[repr(C, align(64))]
 pub(crate) struct Instance {
@@ -37,7 +40,10 @@ pub(crate) struct Instance {
     /// What this instance adds to the rank of the path that leads to this level.
     pub(crate) rank: u64,
     pub(crate) mask: u32,
-    /// As the caller gave it.
+    /// How it moves, if it does: the map and the box above are then those of its first time step, and around it at
+    /// all times.
+    pub(crate) motion: Option<Arc<Motion>>,
+    /// As the caller gave it; of the first time step, if it moves.
     pub(crate) world_from_object: Affine,
 }
 
@@ -65,6 +71,15 @@ impl Instance {
         Aabb { lo, hi }
     }
 
+    /// The instance as seen by rays that are `near`.
+    pub(crate) fn outside(&self, near: &Near) -> Outside {
+        let map = self.object_from_world();
+        // Not singular, or it would be nowhere.
+        let world_from_object = map.inverse_f64().unwrap_or_default();
+        let (by, _) = near.widening(&self.structure.slack, &map, &world_from_object);
+        Outside { world_from_object, by, bounds: self.bounds() }
+    }
+
     pub(crate) fn set_bounds(&mut self, bounds: &Aabb) {
         self.corners = Self::corners(bounds);
     }
@@ -89,6 +104,12 @@ pub(crate) struct Block {
     pub(crate) paths: u64,
     /// Whether one of them holds a primitive in several leaves.
     pub(crate) repeats: bool,
+    /// How many of them hold nothing.
+    pub(crate) empty: u64,
+    /// The layouts of what they place, a bit each: `Layout::bit`.
+    pub(crate) layouts: u8,
+    /// Whether one of them moves, or something in it.
+    pub(crate) moves: bool,
     /// What their boxes were widened for.
     pub(crate) near: Near,
 }
@@ -99,18 +120,52 @@ impl Block {
     }
 }
 
+/// What a leaf holds in place of an instance that was opened: what is below one child of its tree.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Part {
+    /// Of which instance.
+    pub(crate) instance: u32,
+    /// Where the walk inside begins.
+    pub(crate) start: Child,
+}
+
+/// An instance as seen from its level: takes boxes inside to boxes around what rays may hit in them.
+pub(crate) struct Outside {
+    /// The exact inverse of the map that rays go through.
+    world_from_object: [[f64; 4]; 3],
+    /// What [`Near::widening`] says.
+    by: f32,
+    /// Of the whole instance.
+    bounds: Aabb,
+}
+
+impl Outside {
+    /// A box around what may be hit in a box inside; never more than that of the whole instance. Why it
+    /// admits whatever is hit is what `trace/slack.rs` derives: it speaks of any box inside.
+    pub(crate) fn image(&self, inside: &Aabb) -> Aabb {
+        let (lo, hi) = affine::box_image(&self.world_from_object, inside.lo, inside.hi);
+        Aabb { lo, hi }.widened(self.by).intersection(&self.bounds)
+    }
+}
+
 /// All instances of a level, in the caller's order.
+///
+/// Leaves name what they hold by number: an instance, or beyond the last of these a part.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Instances {
     pub(crate) blocks: Vec<Arc<Block>>,
     len: usize,
+    /// Those of one instance side by side, the instances in rising order.
+    parts: Arc<[Part]>,
+    /// The boxes of the parts, inside: what walks do not read.
+    boxes: Arc<[Aabb]>,
 }
 
 impl Instances {
     /// Of full blocks, but for the last.
     pub(crate) fn new(blocks: Vec<Arc<Block>>) -> Self {
         let len = blocks.iter().map(|block| block.items.len()).sum();
-        Self { blocks, len }
+        Self { blocks, len, ..Self::default() }
     }
 
     pub(crate) fn len(&self) -> usize {
@@ -119,6 +174,67 @@ impl Instances {
 
     pub(crate) fn is_empty(&self) -> bool {
         self.len == 0
+    }
+
+    /// Puts parts in the place of the instances that they are of. Those of one instance side by side, the
+    /// instances in rising order.
+    #[must_use]
+    pub(crate) fn opened(self, parts: &[(Part, Aabb)]) -> Self {
+        let boxes = parts.iter().map(|(_, bounds)| *bounds).collect();
+        Self { parts: parts.iter().map(|(part, _)| *part).collect(), boxes, ..self }
+    }
+
+    /// Opened as others are that had the same instances; `None` if what is inside one of the opened is
+    /// another.
+    pub(crate) fn opened_as(self, before: &Self) -> Option<Self> {
+        for (block, (old, new)) in before.blocks.iter().zip(&self.blocks).enumerate() {
+            if Arc::ptr_eq(old, new) {
+                continue;
+            }
+            let place = |at: usize| before.parts.partition_point(|it| (it.instance as usize) < at);
+            for part in &before.parts[place(block * BLOCK)..place((block + 1) * BLOCK)] {
+                let at = part.instance as usize % BLOCK;
+                if !Arc::ptr_eq(&old.items[at].structure, &new.items[at].structure) {
+                    return None;
+                }
+            }
+        }
+        let (parts, boxes) = (Arc::clone(&before.parts), Arc::clone(&before.boxes));
+        Some(Self { parts, boxes, ..self })
+    }
+
+    /// Numbers of instances and of parts.
+    #[inline(always)]
+    pub(crate) fn entries(&self) -> usize {
+        self.len + self.parts.len()
+    }
+
+    /// What a number stands for: an instance, and where the walk inside begins if not at the root.
+    #[inline(always)]
+    pub(crate) fn entry(&self, number: usize) -> (usize, Option<Child>) {
+        match number.checked_sub(self.len) {
+            None => (number, None),
+            Some(part) => {
+                let Part { instance, start } = self.parts[part];
+                (instance as usize, Some(start))
+            }
+        }
+    }
+
+    /// The box of what a number stands for, in this level's space.
+    pub(crate) fn bounds(&self, number: usize) -> Aabb {
+        let Some(part) = number.checked_sub(self.len) else { return self.at(number).bounds() };
+        self.outside(self.parts[part].instance as usize).image(&self.boxes[part])
+    }
+
+    /// An instance as seen from this level.
+    pub(crate) fn outside(&self, index: usize) -> Outside {
+        self.at(index).outside(&self.blocks[index / BLOCK].near)
+    }
+
+    /// Bytes that walks read.
+    pub(crate) fn bytes(&self) -> usize {
+        size_of::<Instance>() * self.len + size_of::<Part>() * self.parts.len()
     }
 
     /// An instance that is there.

@@ -23,7 +23,7 @@ impl Prepared {
     /// The ray on the outermost level; `None` if it is not valid.
     #[inline(always)]
     pub(crate) fn new<S: Simd>(simd: S, ray: &Ray, structure: &Structure) -> Option<Self> {
-        let ordered = ray.t_min <= ray.t_max;
+        let ordered = (ray.t_min <= ray.t_max) & !ray.time.is_nan();
         let prepared = Self::on_level(simd, ray.origin, ray.direction, Interval::ALL, structure)?;
         ordered.then_some(prepared)
     }

@@ -22,6 +22,8 @@
 //! - Seen from outside, `s'` is at most `n s'`, with `R' <= m R` (the reach contains the images of
 //!   the corners of the reach inside).
 //!
+//! - Maps that move (`trace::motion`) have bounds on `m`, `n`, `K` and `v` instead, over all times: see [`Stretch`].
+//!
 //! # Where the widening goes
 //!
 //! The sum grows with `R(o)`, by a factor `n m` that an uneven scaling makes large: 1000 for a board
@@ -67,10 +69,12 @@ impl Near {
     /// The largest `R(o)` that is near to a level inside, seen from outside; infinite where that
     /// level has no idea of its own.
     pub(crate) fn limit(inner: &Slack, object_from_world: &Affine) -> f64 {
-        if inner.far_share == 0.0 {
-            return f64::INFINITY;
-        }
-        inner.near.reach / row_sum(&object_from_world.0.map(|row| row.map(f64::from)))
+        Self::limit_of(inner, row_sum(&object_from_world.0.map(|row| row.map(f64::from))))
+    }
+
+    /// The same for a map whose `m` is no larger.
+    pub(crate) fn limit_of(inner: &Slack, m: f64) -> f64 {
+        if inner.far_share == 0.0 { f64::INFINITY } else { inner.near.reach / m }
     }
 
     /// Keeps the ideas of near of the levels inside.
@@ -87,9 +91,18 @@ impl Near {
         object_from_world: &Affine,
         world_from_object: &[[f64; 4]; 3],
     ) -> (f32, f64) {
-        let a = object_from_world.0.map(|row| row.map(f64::from));
-        let [m, n] = [row_sum(&a), row_sum(world_from_object)];
-        let (k, v) = absolute_products(world_from_object, &a);
+        self.widening_of(inner, norms(object_from_world, world_from_object))
+    }
+
+    /// The same for a map that moves, of which only bounds are known, on `m`, `n`, `K` and `v` in this order. It is
+    /// rounded once more, where a ray enters: by `u (|A| |o| + |b|)` for the origin, `u |A|` for the direction, which is
+    /// a quarter and a third of `e1` and `e2`. Twice as much is taken.
+    pub(crate) fn widening_moving(&self, inner: &Slack, [m, n, k, v]: Norms) -> (f32, f64) {
+        self.widening_of(inner, [m, n, 2.0 * k, 2.0 * v])
+    }
+
+    /// The same, of what is known of a map.
+    pub(crate) fn widening_of(&self, inner: &Slack, [m, n, k, v]: Norms) -> (f32, f64) {
         let Self { reach, coordinate_max } = *self;
 
         let inside = n * inner.accepted_within(m * reach);
@@ -98,6 +111,37 @@ impl Near {
             n * m * (f64::from(SLACK) + 2.0 * SLAB_ROUNDING + inner.far_share) + 8.0 * k;
         let by = MARGIN * f64::from(UNIT_ROUNDOFF) * (inside + moving);
         (crate::math::rounding::up(by), far_share)
+    }
+}
+
+/// `m`, `n`, `K` and `v` of a map.
+pub(crate) type Norms = [f64; 4];
+
+/// Those of a map that rays go through, and of its exact inverse.
+pub(crate) fn norms(object_from_world: &Affine, world_from_object: &[[f64; 4]; 3]) -> Norms {
+    let a = object_from_world.0.map(|row| row.map(f64::from));
+    let [m, n] = [row_sum(&a), row_sum(world_from_object)];
+    let (k, v) = absolute_products(world_from_object, &a);
+    [m, n, k, v]
+}
+
+/// What is known of a map that moves, `p -> R S p + T` with a rotation `R`, at any time.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Stretch {
+    /// No direction is lengthened more, nor less.
+    pub(crate) most: f64,
+    pub(crate) least: f64,
+    /// The largest coordinate of `T`.
+    pub(crate) far: f64,
+}
+
+impl Stretch {
+    /// Bounds on `m`, `n`, `K` and `v`: row sums are at most the root of 3 times the Euclidean norm; `K <= n m`;
+    /// `b = -A T`, so `v <= n m |T|`.
+    pub(crate) fn bounds(&self) -> Norms {
+        let root = libm::sqrt(3.0);
+        let [m, n] = [root / self.least, root * self.most];
+        [m, n, n * m, n * m * self.far]
     }
 }
 

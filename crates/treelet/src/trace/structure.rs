@@ -1,5 +1,6 @@
 //! What a walk walks: one level of a scene, with the levels that its instances lead to.
 
+use super::moving::MovingMesh;
 use super::placements::Instances;
 use super::slack::Slack;
 use crate::bounds::Aabb;
@@ -7,7 +8,7 @@ use crate::geometry::shape::Local;
 use crate::geometry::{Meeting, Mesh, Shape};
 use crate::layout::compact::Compact;
 use crate::layout::packing::Packing;
-use crate::layout::wide::{Plain, Wide};
+use crate::layout::wide::{Child, Plain, Wide};
 use crate::simd::Checked;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -40,9 +41,36 @@ macro_rules! get {
 get! { Wide8: Plain 8 Wide16: Plain 16 Compact: Compact 16 }
 
 impl Layout {
+    /// A bit for each layout.
+    pub(crate) fn bit(&self) -> u8 {
+        match self {
+            Self::Wide8(_) => 1,
+            Self::Wide16(_) => 2,
+            Self::Compact(_) => 4,
+        }
+    }
+
     /// Whether a walk can go from one to the other.
     pub(crate) fn is_as(&self, other: &Self) -> bool {
         core::mem::discriminant(self) == core::mem::discriminant(other)
+    }
+
+    /// Where a walk begins.
+    pub(crate) fn root(&self) -> Child {
+        match self {
+            Self::Wide8(wide) => wide.root,
+            Self::Wide16(wide) => wide.root,
+            Self::Compact(wide) => wide.root,
+        }
+    }
+
+    /// The children of a node and their boxes; none of a leaf.
+    pub(crate) fn below(&self, child: Child) -> Vec<(Child, Aabb)> {
+        match self {
+            Self::Wide8(wide) => wide.below(child),
+            Self::Wide16(wide) => wide.below(child),
+            Self::Compact(wide) => wide.below(child),
+        }
     }
 
     /// Bytes that walks read.
@@ -81,7 +109,14 @@ pub(crate) struct Structure {
     pub(crate) unmasked: bool,
     /// In the caller's order.
     pub(crate) instances: Instances,
+    /// The meshes that move, in the order of their ids.
+    pub(crate) moving: Vec<MovingMesh>,
+    /// Whether anything moves, here or in an instance.
+    pub(crate) moves: bool,
     pub(crate) layout: Layout,
+    /// Where instances move, perhaps a tree for each of equal parts of the time, a power of two of them, to be walked
+    /// instead.
+    pub(crate) spans: Vec<Layout>,
     /// Around everything.
     pub(crate) bounds: Aabb,
     /// The length of its diagonal.
@@ -125,6 +160,26 @@ impl Structure {
     fn sees_geometry(&self, id: u32, mask: u32) -> bool {
         let (geom, _) = self.name(id);
         self.geometries[geom as usize].mask & mask != 0
+    }
+
+    /// The tree for rays of a time.
+    #[inline(always)]
+    pub(crate) fn layout_at(&self, time: f32) -> &Layout {
+        if self.spans.is_empty() { &self.layout } else { self.span_at(time) }
+    }
+
+    #[inline(never)]
+    fn span_at(&self, time: f32) -> &Layout {
+        // What is below 0, and no number, becomes 0; beyond 1, the last.
+        let span = (time * self.spans.len() as f32) as usize;
+        self.spans.get(span).or(self.spans.last()).unwrap_or(&self.layout)
+    }
+
+    /// The mesh that moves whose first primitive has this id: leaves hold it as a whole.
+    #[inline(always)]
+    pub(crate) fn moving(&self, id: u32) -> Option<&MovingMesh> {
+        let at = self.moving.binary_search_by_key(&id, |mesh| mesh.first_id).ok()?;
+        self.moving.get(at)
     }
 
     /// Where a ray first meets a primitive that is no triangle.

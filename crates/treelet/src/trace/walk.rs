@@ -17,6 +17,7 @@
 use super::counters::Count;
 use super::descent::{Descent, pop};
 use super::instance::InstanceLeaf;
+use super::moving::MovingLeaf;
 use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::{Get, Layout, Structure};
@@ -82,7 +83,7 @@ pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
+    let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
     walk_from::<K, S, V, C, W>(simd, structure, prepared, wide.root, ray, visitor, counters);
 }
@@ -105,7 +106,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
+    let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
     let mut frames = Room::<Frame<'_, K, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
@@ -144,8 +145,19 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             } else if let at = first - frame.wide.triangles
-                && let Some(id) = at.checked_sub(frame.structure.instances.len())
+                && let Some(id) = at.checked_sub(frame.structure.instances.entries())
             {
+                if let Some(mesh) = frame.structure.moving(id as u32) {
+                    let Frame { structure, ray: ref prepared, inst, .. } = frame;
+                    let (visitor, counters) = (&mut *visitor, &mut *counters);
+                    let leaf =
+                        MovingLeaf { structure, mesh, prepared, inst, ray, visitor, counters };
+                    if simd.call(leaf).is_break() {
+                        return;
+                    }
+                    next = pop(visitor.t_max(), &mut stack, counters);
+                    continue;
+                }
                 counters.leaf(1);
                 if let Some(found) = other(&frame, id as u32, ray)
                     && found.t <= visitor.t_max()
@@ -162,9 +174,10 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
                     t_max: visitor.t_max(),
                     counters: &mut *counters,
                 };
-                if simd.call(leaf) {
+                let start = simd.call(leaf);
+                if start != Child::NONE {
                     stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                    next = frame.wide.root;
+                    next = start;
                     break;
                 }
             }

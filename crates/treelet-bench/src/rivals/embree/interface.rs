@@ -14,6 +14,10 @@ pub(super) const INVALID_ID: u32 = u32::MAX;
 
 /// `RTC_GEOMETRY_TYPE_TRIANGLE`.
 pub(super) const GEOMETRY_TRIANGLE: c_int = 0;
+/// `RTC_GEOMETRY_TYPE_INSTANCE`.
+pub(super) const GEOMETRY_INSTANCE: c_int = 121;
+/// `RTC_FORMAT_FLOAT3X4_ROW_MAJOR`: an affine map, row by row.
+pub(super) const FORMAT_ROWS: c_int = 0x9134;
 /// `RTC_BUFFER_TYPE_INDEX`.
 pub(super) const BUFFER_INDEX: c_int = 0;
 /// `RTC_BUFFER_TYPE_VERTEX`.
@@ -149,8 +153,11 @@ functions! {
     release_geometry "rtcReleaseGeometry": fn(Handle);
     commit_geometry "rtcCommitGeometry": fn(Handle);
     set_geometry_quality "rtcSetGeometryBuildQuality": fn(Handle, c_int);
+    set_time_steps "rtcSetGeometryTimeStepCount": fn(Handle, c_uint);
     set_shared_buffer "rtcSetSharedGeometryBuffer":
         fn(Handle, c_int, c_uint, c_int, *const c_void, usize, usize, usize);
+    set_instanced_scene "rtcSetGeometryInstancedScene": fn(Handle, Handle);
+    set_transform "rtcSetGeometryTransform": fn(Handle, c_uint, c_int, *const c_void);
     new_scene "rtcNewScene": fn(Handle) -> Handle;
     release_scene "rtcReleaseScene": fn(Handle);
     attach_geometry "rtcAttachGeometry": fn(Handle, Handle) -> c_uint;

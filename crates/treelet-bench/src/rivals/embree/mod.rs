@@ -25,13 +25,15 @@ use std::sync::Arc;
 
 use device::Device;
 use interface::{
-    BUFFER_INDEX, BUFFER_VERTEX, FORMAT_FLOAT3, FORMAT_UINT3, Functions, GEOMETRY_TRIANGLE, Handle,
-    SCENE_COMPACT, SCENE_NONE, SCENE_ROBUST,
+    BUFFER_INDEX, BUFFER_VERTEX, FORMAT_FLOAT3, FORMAT_ROWS, FORMAT_UINT3, Functions,
+    GEOMETRY_INSTANCE, GEOMETRY_TRIANGLE, Handle, SCENE_COMPACT, SCENE_NONE, SCENE_ROBUST,
 };
 use treelet::Ray;
+use treelet::math::Affine;
 
+use super::treelet::no_object;
 use crate::engine::{
-    Built, Bytes, Call, Engine, EngineError, Pass, Question, Threading, Triangles,
+    Built, Bytes, Call, Engine, EngineError, Pass, Placed, Question, Threading, Triangles,
 };
 
 /// The name in reports.
@@ -119,12 +121,28 @@ impl Engine for Embree {
     }
 
     fn build(&self, variant: &str, triangles: &Triangles) -> Result<Box<dyn Built>, EngineError> {
+        let (device, manner) = self.ready(variant)?;
+        Ok(Box::new(Scene::flat(device, manner, triangles)?))
+    }
+
+    fn has_instances(&self) -> bool {
+        true
+    }
+
+    fn build_placed(&self, variant: &str, placed: &Placed) -> Result<Box<dyn Built>, EngineError> {
+        let (device, manner) = self.ready(variant)?;
+        Ok(Box::new(Scene::placed(device, manner, placed)?))
+    }
+}
+
+impl Embree {
+    /// The device, and what a variant's name means.
+    fn ready(&self, variant: &str) -> Result<(Arc<Device>, Manner), EngineError> {
         let refused = |what: &str| EngineError::Refused(what.to_owned());
         let device = self.device.as_ref().ok_or_else(|| refused("no device was prepared"))?;
         let (quality, flags) =
             parse(variant).ok_or_else(|| refused(&format!("Embree has no variant `{variant}`")))?;
-        let scene = Scene::build(Arc::clone(device), quality, flags, triangles)?;
-        Ok(Box::new(scene))
+        Ok((Arc::clone(device), Manner { quality, flags }))
     }
 }
 
@@ -142,7 +160,7 @@ struct Scene {
     device: Arc<Device>,
     handle: Handle,
     /// Embree reads the arrays whenever it likes.
-    triangles: Triangles,
+    kept: Vec<Triangles>,
     bytes: u64,
 }
 
@@ -151,62 +169,132 @@ unsafe impl Send for Scene {}
 // SAFETY: as above.
 unsafe impl Sync for Scene {}
 
+/// How scenes are built.
+#[derive(Clone, Copy)]
+struct Manner {
+    quality: i32,
+    flags: i32,
+}
+
 impl Scene {
-    fn build(
+    /// Of triangles.
+    fn flat(
         device: Arc<Device>,
-        quality: i32,
-        flags: i32,
+        manner: Manner,
         triangles: &Triangles,
     ) -> Result<Self, EngineError> {
-        /// `RTC_BUILD_QUALITY_LOW`.
-        const LOW: i32 = 0;
         let before = device.bytes();
-        let functions = device.functions;
-        let (positions, indices) = (&triangles.positions, &triangles.indices);
+        let geometry = geometry(&device, manner, triangles);
+        let handle = committed(&device, manner, &[geometry]);
+        Self::checked(device, handle, vec![triangles.clone()], before)
+    }
 
-        // SAFETY: all handles are live; the arrays are kept alive by `Scene::triangles`, items are
-        // 12 bytes apart in both, and Embree reads the last vertex with 16-byte loads only where its
-        // manual says that it pads: it asks for that, so the positions that come here have a spare
-        // vertex at their end (`Triangles` made by `flatten`).
-        let handle = unsafe {
-            let geometry = (functions.new_geometry)(device.handle, GEOMETRY_TRIANGLE);
+    /// Of instances, over one scene an object.
+    fn placed(device: Arc<Device>, manner: Manner, placed: &Placed) -> Result<Self, EngineError> {
+        let objects = placed.objects.len();
+        if let Some(&(object, _)) = placed.instances.iter().find(|it| it.0 >= objects) {
+            return Err(no_object(object, objects));
+        }
+        let before = device.bytes();
+        let of_object =
+            |triangles| committed(&device, manner, &[geometry(&device, manner, triangles)]);
+        let objects: Vec<Handle> = placed.objects.iter().map(of_object).collect();
+        let instance = |(object, map): &(usize, Affine)| instance(&device, objects[*object], map);
+        let instances: Vec<Handle> = placed.instances.iter().map(instance).collect();
+        let handle = committed(&device, manner, &instances);
+        for object in objects {
+            // SAFETY: live, and released once; the instances hold references of their own.
+            unsafe { (device.functions.release_scene)(object) }
+        }
+        Self::checked(device, handle, placed.objects.clone(), before)
+    }
+
+    /// A scene that Embree does not complain about; `before` is what its device held without it.
+    fn checked(
+        device: Arc<Device>,
+        handle: Handle,
+        kept: Vec<Triangles>,
+        before: i64,
+    ) -> Result<Self, EngineError> {
+        let bytes = u64::try_from(device.bytes() - before).unwrap_or(0);
+        // Made before the check, so that a refused scene is released too.
+        let scene = Self { device, handle, kept, bytes };
+        scene.device.check("building")?;
+        Ok(scene)
+    }
+}
+
+/// A geometry of triangles, which must outlive it.
+fn geometry(device: &Device, manner: Manner, triangles: &Triangles) -> Handle {
+    /// `RTC_BUILD_QUALITY_LOW`.
+    const LOW: i32 = 0;
+    let functions = device.functions;
+    let (positions, indices) = (&triangles.positions, &triangles.indices);
+    // SAFETY: all handles are live; the arrays are kept alive by `Scene::kept`, items are 12 bytes
+    // apart in both, and Embree reads the last vertex with 16-byte loads only where its manual says
+    // that it pads: it asks for that, so the positions that come here have a spare vertex at their
+    // end (`Triangles` made by `flatten` and `placed`).
+    unsafe {
+        let geometry = (functions.new_geometry)(device.handle, GEOMETRY_TRIANGLE);
+        let steps = [Some(positions), triangles.later.as_ref()];
+        (functions.set_time_steps)(geometry, steps.iter().flatten().count() as u32);
+        for (slot, positions) in steps.into_iter().flatten().enumerate() {
             (functions.set_shared_buffer)(
                 geometry,
                 BUFFER_VERTEX,
-                0,
+                slot as u32,
                 FORMAT_FLOAT3,
                 positions.as_ptr().cast(),
                 0,
                 12,
                 positions.len(),
             );
-            (functions.set_shared_buffer)(
-                geometry,
-                BUFFER_INDEX,
-                0,
-                FORMAT_UINT3,
-                indices.as_ptr().cast(),
-                0,
-                12,
-                indices.len(),
-            );
-            if quality == LOW {
-                (functions.set_geometry_quality)(geometry, quality);
-            }
-            (functions.commit_geometry)(geometry);
-            let handle = (functions.new_scene)(device.handle);
-            (functions.set_scene_flags)(handle, flags);
-            (functions.set_scene_quality)(handle, quality);
+        }
+        (functions.set_shared_buffer)(
+            geometry,
+            BUFFER_INDEX,
+            0,
+            FORMAT_UINT3,
+            indices.as_ptr().cast(),
+            0,
+            12,
+            indices.len(),
+        );
+        if manner.quality == LOW {
+            (functions.set_geometry_quality)(geometry, manner.quality);
+        }
+        (functions.commit_geometry)(geometry);
+        geometry
+    }
+}
+
+/// A geometry that places a scene.
+fn instance(device: &Device, scene: Handle, world_from_object: &Affine) -> Handle {
+    let functions = device.functions;
+    // SAFETY: all handles are live; Embree copies the twelve numbers, which lie row by row.
+    unsafe {
+        let geometry = (functions.new_geometry)(device.handle, GEOMETRY_INSTANCE);
+        (functions.set_instanced_scene)(geometry, scene);
+        (functions.set_transform)(geometry, 0, FORMAT_ROWS, world_from_object.0.as_ptr().cast());
+        (functions.commit_geometry)(geometry);
+        geometry
+    }
+}
+
+/// A scene of geometries, which it takes over.
+fn committed(device: &Device, manner: Manner, geometries: &[Handle]) -> Handle {
+    let functions = device.functions;
+    // SAFETY: all handles are live; the scene holds a reference to each geometry, so ours are given back.
+    unsafe {
+        let handle = (functions.new_scene)(device.handle);
+        (functions.set_scene_flags)(handle, manner.flags);
+        (functions.set_scene_quality)(handle, manner.quality);
+        for &geometry in geometries {
             (functions.attach_geometry)(handle, geometry);
             (functions.release_geometry)(geometry);
-            (functions.commit_scene)(handle);
-            handle
-        };
-        let bytes = u64::try_from(device.bytes() - before).unwrap_or(0);
-        // Made before the check, so that a refused scene is released too.
-        let scene = Self { device, handle, triangles: triangles.clone(), bytes };
-        scene.device.check("building")?;
-        Ok(scene)
+        }
+        (functions.commit_scene)(handle);
+        handle
     }
 }
 
@@ -219,7 +307,7 @@ impl Drop for Scene {
 
 impl Built for Scene {
     fn bytes(&self) -> Bytes {
-        Bytes { own: self.bytes, shared: self.triangles.bytes() }
+        Bytes { own: self.bytes, shared: self.kept.iter().map(Triangles::bytes).sum() }
     }
 
     fn calls(&self) -> Vec<Call> {

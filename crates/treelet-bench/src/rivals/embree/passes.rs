@@ -83,7 +83,7 @@ macro_rules! passes {
                     origin: [0, 1, 2].map(|a| axis(&|ray| ray.origin[a])),
                     t_near: axis(&|ray| ray.t_min),
                     direction: [0, 1, 2].map(|a| axis(&|ray| ray.direction[a])),
-                    time: [0.0; $width],
+                    time: axis(&|ray| ray.time),
                     t_far: axis(&|ray| ray.t_max),
                     mask: [u32::MAX; $width],
                     id: [0; $width],
@@ -129,7 +129,12 @@ macro_rules! passes {
                         if packet.hit.geom[lane] == INVALID_ID {
                             Answer::MISS
                         } else {
-                            Answer { t: packet.ray.t_far[lane], prim: packet.hit.prim[lane] }
+                            Answer {
+                                t: packet.ray.t_far[lane],
+                                prim: packet.hit.prim[lane],
+                                // No instance is the largest number, and becomes 0.
+                                inst: packet.hit.inst[lane].wrapping_add(1),
+                            }
                         }
                     }));
                 }

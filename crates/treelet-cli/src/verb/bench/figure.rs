@@ -40,9 +40,9 @@ pub(super) struct FigureFlags {
     #[arg(long, value_name = "FILE", requires = "figure")]
     resume: Option<PathBuf>,
 
-    /// With --figure: draw it into an SVG file, the geometric mean where there are several.
-    #[arg(long, value_name = "FILE", requires = "figure")]
-    plot: Option<PathBuf>,
+    /// With --figure or --animate: draw it into an SVG file; of a figure the geometric mean where there are several.
+    #[arg(long, value_name = "FILE")]
+    pub(super) plot: Option<PathBuf>,
 }
 
 /// Measures scene after scene.

@@ -12,6 +12,7 @@ use treelet_bench::rivals::{self, embree};
 use treelet_bench::rounds::Rounds;
 use treelet_bench::run::Plan;
 
+use super::animate::AnimateFlags;
 use super::figure::FigureFlags;
 use super::page::PageFlags;
 use super::twist::TwistFlags;
@@ -35,6 +36,11 @@ pub(crate) struct Flags {
     #[arg(long, value_delimiter = ',', value_name = "NAME,..")]
     #[arg(value_parser = clap::builder::PossibleValuesParser::new(rivals::NAMES))]
     against: Vec<String>,
+
+    /// Copy the triangles of instances, for rivals that have none; otherwise scenes in which something is
+    /// placed more than once are measured with their instances. Figures always copy them.
+    #[arg(long)]
+    pub(super) flatten: bool,
 
     /// Kinds of rays [default: all].
     #[arg(long, value_delimiter = ',', value_name = "KIND,..")]
@@ -76,11 +82,21 @@ pub(crate) struct Flags {
     #[arg(value_parser = clap::value_parser!(u64).range(1..))]
     slice: Vec<u64>,
 
+    /// Measure what motion costs, one ray a call on one thread: every vertex on a straight way of its own, at most this part
+    /// of the scene's diagonal long, against the same scene standing still; and a propeller that turns once, with
+    /// temporal splits against without.
+    #[arg(long, value_name = "SPEED", value_parser = speed)]
+    #[arg(conflicts_with_all = ["figure", "order", "slice", "peak_of"])]
+    pub(super) moving: Option<f32>,
+
     #[command(flatten)]
     pub(super) figure: FigureFlags,
 
     #[command(flatten)]
     pub(super) twist: TwistFlags,
+
+    #[command(flatten)]
+    pub(super) animate: AnimateFlags,
 
     /// Do not measure the most memory that each build takes, which needs a process of its own.
     #[arg(long)]
@@ -129,6 +145,11 @@ enum ClockFlag {
 fn seconds(text: &str) -> Result<f64, String> {
     let seconds = text.parse::<f64>().ok().filter(|seconds| (0.0..=3600.0).contains(seconds));
     seconds.ok_or_else(|| "give seconds in 0 ..= 3600".to_owned())
+}
+
+fn speed(text: &str) -> Result<f32, String> {
+    let speed = text.parse::<f32>().ok().filter(|speed| (0.0..=1.0).contains(speed));
+    speed.ok_or_else(|| "give a part of the scene's diagonal in 0 ..= 1".to_owned())
 }
 
 /// What the flags ask for; `rays` and `rounds` where they do not say.

@@ -1,7 +1,9 @@
 //! `treelet bench`: treelet and its rivals on the same triangles and the same rays.
 
+mod animate;
 mod figure;
 mod flags;
+mod motion;
 mod page;
 mod pages;
 mod peaks;
@@ -39,6 +41,12 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     } else {
         pages::forbid();
     }
+    if let Some(speed) = flags.moving {
+        return motion::run(speed, &flags, session);
+    }
+    if let Some(frames) = flags.animate.animate {
+        return animate::run(&flags, frames, session);
+    }
     if let Some(frames) = flags.twist.twist {
         return twist::run(&flags, frames, session);
     }
@@ -47,6 +55,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     }
     if flags.figure.figure {
         return figure::run(&flags, session);
+    }
+    if flags.figure.plot.is_some() {
+        return Err(Failure::Usage("--plot: a picture is of a figure or a clip; add --figure or --animate".into()));
     }
     if flags.page.report.is_some() {
         return Err(Failure::Usage("--report: the page is of a figure; add --figure".into()));
@@ -79,8 +90,10 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         for Missing { name, reason } in &result.left_out {
             warn(&format!("{}: {name} is left out: {reason}", result.scene.scene));
         }
+        // A process that measures peaks is given triangles.
+        let peaks = !flags.no_peaks && subject.placed.is_none();
         drop(subject);
-        if !flags.no_peaks {
+        if peaks {
             peaks::measure(&mut result.builds, scene, &flags, session, &watcher)?;
         }
         watcher.clear();

@@ -1,8 +1,9 @@
-//! What is measured: a scene file, or triangles that are made.
+//! What is measured: a scene file, with its instances or without, or triangles that are made.
 
 use std::path::Path;
 use std::time::Instant;
 
+use treelet_bench::engine::Triangles;
 use treelet_bench::run::Subject;
 use treelet_bench::scenes::{self, Generated};
 
@@ -13,7 +14,8 @@ use crate::progress::Line;
 use crate::session::{Session, say};
 use crate::text;
 
-/// Reads a scene or makes one.
+/// Reads a scene or makes one. Where something is placed more than once, instances are kept, unless they
+/// are to be copied.
 pub(super) fn subject(scene: &Path, flags: &Flags, session: &Session) -> Result<Subject, Failure> {
     if let Some(generated) = scene.to_str().and_then(Generated::parse) {
         let generated = generated.map_err(Failure::Usage)?;
@@ -25,13 +27,19 @@ pub(super) fn subject(scene: &Path, flags: &Flags, session: &Session) -> Result<
         let name = scene.display().to_string();
         let count = text::things(triangles.len() as u64, "triangle");
         say(&format!("{name}: {count}; ready in {}", text::time(start.elapsed())));
-        return Ok(Subject { name, generated: true, triangles, up: Some(1) });
+        return Ok(Subject { name, generated: true, triangles, placed: None, up: Some(1) });
     }
     let input = Input::load(Some(&scene.to_owned()), &flags.scene_flags, session)?;
-    let triangles = scenes::flatten(&input.model)
-        .map_err(|error| Failure::told(format!("{}: {error}", input.name)))?;
+    let flatten = flags.flatten || flags.figure.figure || flags.peak_of.is_some();
+    let content = if flatten || !scenes::repeats(&input.model) {
+        scenes::flatten(&input.model).map(|triangles| (triangles, None))
+    } else {
+        scenes::placed(&input.model).map(|placed| (Triangles::default(), Some(placed)))
+    };
+    let (triangles, placed) =
+        content.map_err(|error| Failure::told(format!("{}: {error}", input.name)))?;
     let name = scene_name(scene);
-    Ok(Subject { name, generated: false, triangles, up: Some(input.up) })
+    Ok(Subject { name, generated: false, triangles, placed, up: Some(input.up) })
 }
 
 /// The file's name without folders, wrapper and format.

@@ -119,7 +119,7 @@ pub(super) fn read(flags: &Flags, seconds: u64, session: &Session) -> Result<Out
 }
 
 /// Why a clip ended early.
-fn failure(error: AnimateError) -> Failure {
+pub(super) fn failure(error: AnimateError) -> Failure {
     match error {
         AnimateError::Cancelled => Failure::Cancelled,
         error => Failure::told(error.to_string()),

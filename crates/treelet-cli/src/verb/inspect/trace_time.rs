@@ -61,7 +61,7 @@ pub(super) fn measure(
     let mesh = treelet::Mesh::new(triangles.positions.clone(), triangles.indices.clone());
     let scene = Scene::builder().mesh(mesh).build(&BuildOptions::default());
     let scene = scene.map_err(|error| stopped_or(session, error))?;
-    let source = RaySource::new(&scene, triangles, up, RAYS);
+    let source = RaySource::new(&scene, up, RAYS);
     let crew = Crew::new(1, Clock::Processor)?;
 
     let mut times = vec![Vec::new(); variants.len()];

@@ -29,7 +29,7 @@ pub(super) struct Walked {
 /// Diffuse rays, as the bench makes them.
 pub(super) fn rays(flat: &Flat, up: usize) -> Result<Vec<Ray>, SceneError> {
     let scene = Scene::builder().mesh(flat.mesh.clone()).build(&BuildOptions::default())?;
-    Ok(RaySource::new(&scene, &flat.triangles, up, RAYS).rays(RayKind::Diffuse))
+    Ok(RaySource::new(&scene, up, RAYS).rays(RayKind::Diffuse))
 }
 
 /// By node: how many primitives it holds.

@@ -71,11 +71,11 @@ impl FromStr for FrameRange {
 }
 
 /// The clip that is asked for, by its place in the list.
-pub(super) fn choose(model: &Model, asked: Option<&str>) -> Result<usize, Failure> {
+pub(in crate::verb) fn choose(model: &Model, asked: Option<&str>) -> Result<usize, Failure> {
     let clips = &model.animations;
     if clips.is_empty() {
         return Err(Failure::Usage(
-            "--frames: nothing in the scene moves; for a round trip take --turntable N".into(),
+            "nothing in the scene moves, so there is no clip; render goes round it with --turntable N".into(),
         ));
     }
     let Some(asked) = asked else { return Ok(0) };
@@ -99,7 +99,7 @@ pub(super) fn tell(model: &Model) {
 }
 
 /// A clip's number and name.
-pub(super) fn name(clip: &Animation, index: usize) -> String {
+pub(in crate::verb) fn name(clip: &Animation, index: usize) -> String {
     let number = index + 1;
     if clip.name.is_empty() { number.to_string() } else { format!("{number} {}", clip.name) }
 }

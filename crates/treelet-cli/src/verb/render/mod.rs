@@ -2,7 +2,7 @@
 
 mod apng;
 mod cameras;
-mod clip;
+pub(super) mod clip;
 mod files;
 mod flags;
 mod frames;

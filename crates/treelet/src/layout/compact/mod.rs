@@ -191,7 +191,7 @@ impl Packing<WIDTH> for Compact {
 
 /// Numbers without a pattern (`verify`, which has better ones, stands below this folder).
 #[cfg(test)]
-struct Random(u64);
+pub(super) struct Random(pub(super) u64);
 
 #[cfg(test)]
 impl Random {
@@ -201,11 +201,11 @@ impl Random {
     }
 
     /// In `0.0 .. 1.0`.
-    fn unit(&mut self) -> f32 {
+    pub(super) fn unit(&mut self) -> f32 {
         (self.bits() >> 8) as f32 / (1 << 24) as f32
     }
 
-    fn between(&mut self, low: f32, high: f32) -> f32 {
+    pub(super) fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (high - low) * self.unit()
     }
 }

@@ -24,6 +24,7 @@ use crate::trace::slack::{Near, Slack};
 use crate::trace::structure::{Geometry, Layout, Structure};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::mem;
 
 /// What followed what moved, on its way to a scene.
 struct Followed {
@@ -231,6 +232,11 @@ impl Edit {
         if self.counts != [before.geometries.len(), before.instances.len()] {
             return Err(Reason::Different);
         }
+        let moves = |it: &Geometry| it.mesh().is_some_and(|mesh| mesh.is_moving());
+        let is_moving = self.geometries.values().any(moves);
+        if is_moving || !before.moving.is_empty() {
+            return Err(Reason::Moving);
+        }
         let mut reshaped = false;
         for (&geom, Geometry { shape, .. }) in &self.geometries {
             let old = &before.geometries[geom].shape;
@@ -275,6 +281,11 @@ impl Edit {
         };
         let mut report = BuildReport::default();
         let mut placements = place_instances(self.parts(), around_meshes, options, &mut report)?;
+        let Some(instances) = mem::take(&mut placements.instances).opened_as(&before.instances)
+        else {
+            return Ok(Err(Reason::Different));
+        };
+        placements.instances = instances;
         let moved = match moved(&before.instances, &placements.instances, &before.layout)? {
             Err(reason) => return Ok(Err(reason)),
             Ok(moved) => moved,
@@ -286,7 +297,10 @@ impl Edit {
         let standing = known.unwrap_or_else(|| standing(&self.before));
         let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
         let touched = if few {
-            let moved = |at: usize| moved.binary_search(&at).is_ok();
+            let of = |number: usize| placements.instances.entry(number).0;
+            let moved = |number: usize| {
+                number < placements.instances.entries() && moved.binary_search(&of(number)).is_ok()
+            };
             touched(
                 &before.layout,
                 (before.bounds, standing.areas, &standing.triangles),
@@ -322,8 +336,8 @@ fn single(
     before: &Structure,
     number: usize,
 ) -> Aabb {
-    match number.checked_sub(instances.len()) {
-        None => instances.at(number).bounds(),
+    match number.checked_sub(instances.entries()) {
+        None => instances.bounds(number),
         Some(id) => {
             let (geom, prim) = before.name(id as u32);
             geometries[geom as usize].shape.bounds(prim as usize)
@@ -343,7 +357,7 @@ fn standing(scene: &Scene) -> Standing {
     appraise(&structure.layout, &content)
 }
 
-/// Which instances have another box, in rising order; or why the tree cannot stay.
+/// Which instances may have another box, or other boxes of parts, in rising order; or why the tree cannot stay.
 fn moved(
     before: &Instances,
     after: &Instances,
@@ -354,16 +368,18 @@ fn moved(
         if Arc::ptr_eq(old, new) {
             continue;
         }
+        let wider = old.near != new.near;
         for (at, (old, new)) in old.items.iter().zip(&new.items).enumerate() {
             let instance = index * BLOCK + at;
             if !new.structure.layout.is_as(layout) {
                 return Err(SceneError::MixedLayouts { instance });
             }
-            let [old, new] = [old.bounds(), new.bounds()];
-            if old.is_empty() != new.is_empty() {
+            let [was, is] = [old.bounds(), new.bounds()];
+            if was.is_empty() != is.is_empty() {
                 return Ok(Err(Reason::Different));
             }
-            if old != new {
+            // Boxes of parts may be elsewhere where that of the whole is not.
+            if was != is || wider || old.columns != new.columns {
                 moved.push(instance);
             }
         }
