@@ -86,7 +86,7 @@ pub(crate) fn repair<const W: usize>(
     let top: Wide<W> = lower(&tree, numbered, &fetch, Collapse::Optimal, cancel)?;
     drop(tree);
 
-    let (wide, prices, triangles, boxes) = join(old, prices, &top, &cut.kept, cancel)?;
+    let Joined { wide, prices, triangles, boxes } = join(old, prices, &top, &cut.kept, cancel)?;
     let areas = Areas { boxes, prims: old.areas.prims };
     let refitted = Refitted { wide, bounds: old.bounds, areas, triangles };
     Ok(Some(Repaired { refitted, prices, kept: cut.kept.len(), loose: cut.loose.len() }))
@@ -161,16 +161,25 @@ struct Place<'a, const W: usize> {
     words: &'a mut [f32],
 }
 
-/// The new upper levels, and behind them, in their order, what stays. Also what each node cost when it was built, the areas of the
-/// triangles in its leaves, and the areas of all boxes.
-#[expect(clippy::type_complexity, reason = "said in the line above")]
+/// A tree that was put together.
+struct Joined<const W: usize> {
+    wide: Wide<W>,
+    /// What each node cost when it was built.
+    prices: Vec<f32>,
+    /// Half areas of the boxes of the triangles in the leaves of each node.
+    triangles: Vec<f32>,
+    /// Half areas of all boxes together.
+    boxes: f64,
+}
+
+/// The new upper levels, and behind them, in their order, what stays.
 fn join<const W: usize>(
     refitted: &Refitted<W>,
     old_prices: &[f32],
     top: &Wide<W>,
     kept: &[Kept],
     cancel: &Cancel,
-) -> Result<(Wide<W>, Vec<f32>, Vec<f32>, f64), BuildError> {
+) -> Result<Joined<W>, BuildError> {
     let old = &refitted.wide;
     // Number what stays in the order in which the new nodes name it.
     let mut places = alloc::vec![(0, 0); kept.len()];
@@ -243,7 +252,8 @@ fn join<const W: usize>(
     .into_iter()
     .collect::<Result<(), _>>()?;
     let root = placed(top.root);
-    Ok((Wide { nodes, root, words, triangles: triangles_end }, prices, areas, boxes))
+    let wide = Wide { nodes, root, words, triangles: triangles_end };
+    Ok(Joined { wide, prices, triangles: areas, boxes })
 }
 
 /// The number of what stays that stands in the place of an instance.

@@ -36,6 +36,21 @@ struct Followed {
     standing: Standing,
 }
 
+/// A scene whose tree stayed.
+struct Done {
+    scene: Scene,
+    action: Action,
+    reason: Reason,
+    decay: f64,
+    parts: Parts,
+}
+
+/// A tree that should not stay.
+struct Worn {
+    decay: f64,
+    areas: Areas,
+}
+
 impl Followed {
     /// How much dearer the tree is than when it was built.
     fn decay(&self) -> f64 {
@@ -68,10 +83,10 @@ impl Edit {
             Ok(followed) => {
                 ledger.refit = watch.elapsed().as_secs_f64();
                 match self.mend(followed, &mut ledger, options)? {
-                    Ok((scene, action, reason, decay, parts)) => {
+                    Ok(Done { scene, action, reason, decay, parts }) => {
                         return done(scene, action, reason, decay, parts);
                     }
-                    Err((reason, decay, areas)) => (reason, Some((decay, areas))),
+                    Err(worn) => (Reason::Decayed, Some(worn)),
                 }
             }
         };
@@ -88,17 +103,17 @@ impl Edit {
         ledger
     }
 
-    /// A new tree. `before` is what the old one had decayed to, and its areas, where it could have stayed.
+    /// A new tree. `before` is what the old one had come to, where it could have stayed.
     fn rebuild(
         &self,
-        before: Option<(f64, Areas)>,
+        before: Option<Worn>,
         mut ledger: Ledger,
         options: &BuildOptions<'_>,
     ) -> Result<Scene, SceneError> {
         let watch = Stopwatch::start();
         let mut scene = assemble::assemble(self.description(), options)?;
         let seconds = watch.elapsed().as_secs_f64();
-        let standing = before.map(|(decay, areas)| {
+        let standing = before.map(|Worn { decay, areas }| {
             let standing = standing(&scene);
             // As old trees are measured: what one costs that was built for this shape, by what one did for the old.
             let after = decay * standing.built / areas.price();
@@ -112,20 +127,19 @@ impl Edit {
         Ok(scene)
     }
 
-    /// The scene with the tree that followed, repaired where that is what to do; or why there should be a new one, and what
-    /// the old one has come to.
-    #[expect(clippy::type_complexity, reason = "a commit, or why there is none yet")]
+    /// The scene with the tree that followed, repaired where that is what to do; or what the tree has come to, if there should be a new
+    /// one.
     fn mend(
         &self,
         mut followed: Followed,
         ledger: &mut Ledger,
         options: &BuildOptions<'_>,
-    ) -> Result<Result<(Scene, Action, Reason, f64, Parts), (Reason, f64, Areas)>, SceneError> {
+    ) -> Result<Result<Done, Worn>, SceneError> {
         let decay = followed.decay();
         let mut done = (Action::Refitted, Reason::Same, decay, Parts::default());
         match ledger.next(self.policy, decay) {
             Next::Nothing => {}
-            Next::Rebuild => return Ok(Err((Reason::Decayed, decay, followed.mended.areas()))),
+            Next::Rebuild => return Ok(Err(Worn { decay, areas: followed.mended.areas() })),
             Next::Repair => {
                 let watch = Stopwatch::start();
                 let context = &options.context;
@@ -149,13 +163,13 @@ impl Edit {
                     _ => true,
                 };
                 if !enough {
-                    return Ok(Err((Reason::Decayed, decay, areas)));
+                    return Ok(Err(Worn { decay, areas }));
                 }
             }
         }
         let (action, reason, decay, parts) = done;
         let scene = self.finish(followed, *ledger, options)?;
-        Ok(Ok((scene, action, reason, decay, parts)))
+        Ok(Ok(Done { scene, action, reason, decay, parts }))
     }
 
     /// The scene with the tree that followed.
