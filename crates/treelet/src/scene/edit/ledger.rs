@@ -201,13 +201,9 @@ mod tests {
     /// A tree that gets cheaper by itself has a new mark to be held against.
     #[test]
     fn the_least_that_a_tree_cost_counts() {
-        let mut ledger = ledger();
-        assert_eq!(ledger.next(RAYS, 0.5), Next::Nothing);
-        assert_eq!(ledger.next(RAYS, 1.0), Next::Repair);
-        let mut ledger = super::tests::ledger();
-        assert_eq!(ledger.next(RAYS, 1.0), Next::Nothing);
-        assert_eq!(ledger.next(RAYS, 0.5), Next::Nothing);
-        assert_eq!(ledger.next(RAYS, 0.5), Next::Nothing);
+        let (mut risen, mut fallen) = (ledger(), ledger());
+        assert_eq!([0.5, 1.0].map(|decay| risen.next(RAYS, decay)), [Next::Nothing, Next::Repair]);
+        assert_eq!([1.0, 0.5, 0.5].map(|decay| fallen.next(RAYS, decay)), [Next::Nothing; 3]);
     }
 
     #[test]
