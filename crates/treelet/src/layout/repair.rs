@@ -22,6 +22,7 @@ use crate::context::{Cancel, parallel};
 use crate::memory::{self, Pages};
 use crate::tree::Tree;
 use alloc::vec::Vec;
+use core::cmp::Reverse;
 
 /// The most triangles of a subtree that stays whole.
 const KEEP_MAX: u32 = 256;
@@ -356,7 +357,7 @@ impl<const W: usize> Place<'_, W> {
                 }
             }
             // What was first is popped first.
-            stack[below..].sort_unstable_by(|a, b| b.0.cmp(&a.0));
+            stack[below..].sort_unstable_by_key(|&(node, ..)| Reverse(node));
         }
     }
 }
