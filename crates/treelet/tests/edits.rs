@@ -90,7 +90,14 @@ fn edits_in_any_order_answer_like_a_fresh_build() {
         let mut scene = told.build(&options);
         for step in 0..12 {
             let mut edit = scene.edit();
-            edit.policy = [Policy::Refit, Policy::Auto, Policy::Rebuild][step % 3];
+            edit.policy = match step % 6 {
+                0 => Policy::Refit,
+                1 => Policy::Auto,
+                2 => Policy::Repair,
+                3 => Policy::Rays(1 << random.below(40)),
+                4 => Policy::Budget(core::time::Duration::from_micros(random.below(2000))),
+                _ => Policy::Rebuild,
+            };
             let kind = random.below(8);
             let geom = random.below(told.meshes.len() as u64) as usize;
             let instance = random.below(told.instances.len() as u64) as usize;
@@ -178,7 +185,7 @@ fn large_trees_are_refitted_as_they_would_be_built() {
         let back = edit.commit(&options).unwrap();
         assert_eq!(answers(&back.scene, &rays), before);
         if builder == "default" {
-            assert!((back.decay - 1.0).abs() < 1e-9, "{builder}: {}", back.decay);
+            assert!((back.decay - 1.0).abs() < 1e-6, "{builder}: {}", back.decay);
         }
         assert_ne!(answers(&commit.scene, &rays), before);
         assert_eq!(answers(&scene, &rays), before);
@@ -247,7 +254,7 @@ fn a_commit_says_what_it_did_and_why() {
     assert_eq!(done(&commit(same.clone(), Policy::Rebuild)), (Action::Rebuilt, Reason::Asked));
     let refitted = commit(same, Policy::Auto);
     assert_eq!(done(&refitted), (Action::Refitted, Reason::Same));
-    assert!((refitted.decay - 1.0).abs() < 1e-9, "{}", refitted.decay);
+    assert!((refitted.decay - 1.0).abs() < 1e-6, "{}", refitted.decay);
 
     // Triangles that change places with distant ones: boxes overlap everywhere, and nothing can stay in its subtree.
     let apart = awkward::random_triangles(3000, 3.0, 0.05);

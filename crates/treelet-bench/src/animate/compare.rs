@@ -103,6 +103,9 @@ pub enum AnimateError {
         /// The first ray that differs.
         ray: usize,
     },
+    /// No thread to commit on.
+    #[error("no thread to commit on: {0}")]
+    Pool(String),
     /// Somebody pressed Ctrl-C.
     #[error("cancelled")]
     Cancelled,
@@ -181,7 +184,7 @@ fn trace(
     Ok(())
 }
 
-fn same(a: &Hit, b: &Hit) -> bool {
+pub(super) fn same(a: &Hit, b: &Hit) -> bool {
     let bits = |hit: &Hit| [hit.t, hit.u, hit.v].map(f32::to_bits);
     bits(a) == bits(b) && (a.inst, a.geom, a.prim) == (b.inst, b.geom, b.prim)
 }

@@ -66,10 +66,13 @@ pub fn play(
     let way = |(name, wish): &(String, Wish)| {
         let (indices, wish) = (indices.clone(), *wish);
         let positions = &positions;
-        let mut before: Option<Scene> = None;
+        // The scene of the frame before, and that of the one before it, whose memory may be used again.
+        let mut before: [Option<Scene>; 2] = [None, None];
         let update = move |_: usize| {
-            let frame = advance(before.take(), positions(), &indices, wish)?;
-            before = (wish != Wish::Fresh).then(|| frame.scene.clone());
+            let [last, older] = &mut before;
+            let frame = advance(last.as_ref(), older.take(), positions(), &indices, wish)?;
+            let newest = (wish != Wish::Fresh).then(|| frame.scene.clone());
+            before = [newest, before[0].take()];
             Ok(frame)
         };
         Way { name: name.clone(), update: Box::new(update) }
@@ -90,7 +93,8 @@ pub fn play(
 
 /// The scene of a frame, from the one before if there is one.
 fn advance(
-    before: Option<Scene>,
+    before: Option<&Scene>,
+    older: Option<Scene>,
     positions: Array<[f32; 3]>,
     indices: &Array<[u32; 3]>,
     wish: Wish,
@@ -102,6 +106,9 @@ fn advance(
     };
     let mut edit = before.edit();
     edit.policy = policy;
+    if let Some(older) = older {
+        edit.reuse(older);
+    }
     // The scene has that one mesh.
     let _ = edit.set_positions(0, positions);
     let commit = edit.commit(&options)?;

@@ -14,7 +14,7 @@
 use super::Collapse;
 use super::lower::{Numbered, Packed, lower, split_leaves};
 use super::packing::Packing;
-use super::refit::{Areas, Part, Refitted, half_area, prim_areas, survey, triangles_of, used};
+use super::refit::{Areas, Part, Refitted, around, half_area, survey, triangles_of, used};
 use super::wide::{BLOCK_WORDS, Child, ChildKind, Node, Plain, TRIANGLE_WORDS, Wide};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
@@ -22,6 +22,7 @@ use crate::context::{Cancel, parallel};
 use crate::memory::{self, Pages};
 use crate::tree::Tree;
 use alloc::vec::Vec;
+use core::cmp::Reverse;
 
 /// The most triangles of a subtree that stays whole.
 const KEEP_MAX: u32 = 256;
@@ -86,7 +87,7 @@ pub(crate) fn repair<const W: usize>(
     let top: Wide<W> = lower(&tree, numbered, &fetch, Collapse::Optimal, cancel)?;
     drop(tree);
 
-    let (wide, prices, triangles, boxes) = join(old, prices, &top, &cut.kept, cancel)?;
+    let Joined { wide, prices, triangles, boxes } = join(old, prices, &top, &cut.kept, cancel)?;
     let areas = Areas { boxes, prims: old.areas.prims };
     let refitted = Refitted { wide, bounds: old.bounds, areas, triangles };
     Ok(Some(Repaired { refitted, prices, kept: cut.kept.len(), loose: cut.loose.len() }))
@@ -118,7 +119,7 @@ fn cut<const W: usize>(wide: &Wide<W>, parts: &[Part], prices: &[f32]) -> Cut {
                 ChildKind::Leaf { first, count } if triangles_of(wide, child).is_some() => {
                     let first_loose = cut.loose.len();
                     (0..count).for_each(|at| cut.loose.push(unpack(wide, first, count, at)));
-                    let prims = prim_areas(&cut.loose[first_loose..]);
+                    let (_, prims) = around(&cut.loose[first_loose..]);
                     if count > 1 && half_area(&bounds) <= prims {
                         cut.loose.truncate(first_loose);
                         let part = Part { prims, triangles: count as u32, ..Part::default() };
@@ -161,16 +162,25 @@ struct Place<'a, const W: usize> {
     words: &'a mut [f32],
 }
 
-/// The new upper levels, and behind them, in their order, what stays. Also what each node cost when it was built, the areas of the
-/// triangles in its leaves, and the areas of all boxes.
-#[expect(clippy::type_complexity, reason = "said in the line above")]
+/// A tree that was put together.
+struct Joined<const W: usize> {
+    wide: Wide<W>,
+    /// What each node cost when it was built.
+    prices: Vec<f32>,
+    /// Half areas of the boxes of the triangles in the leaves of each node.
+    triangles: Vec<f32>,
+    /// Half areas of all boxes together.
+    boxes: f64,
+}
+
+/// The new upper levels, and behind them, in their order, what stays.
 fn join<const W: usize>(
     refitted: &Refitted<W>,
     old_prices: &[f32],
     top: &Wide<W>,
     kept: &[Kept],
     cancel: &Cancel,
-) -> Result<(Wide<W>, Vec<f32>, Vec<f32>, f64), BuildError> {
+) -> Result<Joined<W>, BuildError> {
     let old = &refitted.wide;
     // Number what stays in the order in which the new nodes name it.
     let mut places = alloc::vec![(0, 0); kept.len()];
@@ -243,7 +253,8 @@ fn join<const W: usize>(
     .into_iter()
     .collect::<Result<(), _>>()?;
     let root = placed(top.root);
-    Ok((Wide { nodes, root, words, triangles: triangles_end }, prices, areas, boxes))
+    let wide = Wide { nodes, root, words, triangles: triangles_end };
+    Ok(Joined { wide, prices, triangles: areas, boxes })
 }
 
 /// The number of what stays that stands in the place of an instance.
@@ -346,7 +357,7 @@ impl<const W: usize> Place<'_, W> {
                 }
             }
             // What was first is popped first.
-            stack[below..].sort_unstable_by(|a, b| b.0.cmp(&a.0));
+            stack[below..].sort_unstable_by_key(|&(node, ..)| Reverse(node));
         }
     }
 }

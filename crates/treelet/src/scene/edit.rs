@@ -2,7 +2,7 @@
 //!
 //! The old snapshot goes on answering; whoever traces it is never waited for and never waits. What a
 //! commit does to the tree does not show in answers, only in their price: where the triangles and
-//! instances are the same ones, the tree is kept and its boxes follow (`layout/refit.rs`); it is built
+//! instances are the same ones, the tree is kept and its boxes follow (`layout/refit/`), or what has decayed of it is built anew (`layout/repair.rs`); all of it is built
 //! anew where that is not so, or where the boxes have grown so much that it pays.
 
 mod commit;
@@ -216,6 +216,8 @@ pub struct Edit {
     instances: BTreeMap<usize, Placed>,
     /// How many there are, the new ones included.
     counts: [usize; 2],
+    /// A snapshot that nobody needs any more, perhaps.
+    spare: Option<Scene>,
     /// What the commit may do to the tree.
     pub policy: Policy,
 }
@@ -228,12 +230,19 @@ impl Scene {
             geometries: BTreeMap::new(),
             instances: BTreeMap::new(),
             counts: [self.structure.geometries.len(), self.structure.instances.len()],
+            spare: None,
             policy: Policy::default(),
         }
     }
 }
 
 impl Edit {
+    /// Hands over a snapshot that is not needed any more, the one before the one that is edited, say: if nobody else has it, a
+    /// refit writes over its memory instead of asking the system for as much again, which is a fifth of the time of a refit.
+    pub fn reuse(&mut self, old: Scene) {
+        self.spare = Some(old);
+    }
+
     /// Moves the vertices of a mesh; its triangles stay.
     ///
     /// # Errors

@@ -50,6 +50,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
     if let Some(frames) = flags.twist.twist {
         return twist::run(&flags, frames, session);
     }
+    if let Some(seconds) = flags.twist.while_edited {
+        return twist::read(&flags, seconds, session);
+    }
     if flags.figure.figure {
         return figure::run(&flags, session);
     }

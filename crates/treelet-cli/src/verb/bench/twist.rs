@@ -3,7 +3,7 @@
 use clap::Args;
 use serde::Serialize;
 use treelet::scene::Policy;
-use treelet_bench::animate::{self, AnimateError, Motion, Play, Sum, Wish};
+use treelet_bench::animate::{self, AnimateError, Load, Motion, Play, Reading, Sum, Wish};
 use treelet_bench::crew::Crew;
 
 use super::flags::{Flags, plan};
@@ -18,6 +18,9 @@ const RAYS: usize = 2_000_000;
 /// Times that a frame's rays are traced through each scene, unless somebody asks for more or fewer.
 const REPEATS: Rounds = Rounds { count: 1, seconds: 0.0 };
 
+/// Commits a second while rays are traced.
+const PACE: f64 = 100.0;
+
 /// The motion.
 #[derive(Debug, Args)]
 pub(super) struct TwistFlags {
@@ -28,6 +31,14 @@ pub(super) struct TwistFlags {
     #[arg(conflicts_with_all = ["order", "slice", "peak_of", "figure", "builders", "variants", "against"])]
     #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
     pub(super) twist: Option<u64>,
+
+    /// Trace rays for S seconds while somebody commits a pose of the twisting mesh a hundred times a second, and as long
+    /// while nobody does: whether any answer is wrong, and how long batches take. One thread commits, the others of
+    /// --threads trace, at least one.
+    #[arg(long, value_name = "S", num_args = 0..=1, default_missing_value = "60")]
+    #[arg(conflicts_with_all = ["twist", "order", "slice", "peak_of", "figure", "builders", "variants", "against"])]
+    #[arg(value_parser = clap::value_parser!(u64).range(1..=100_000))]
+    pub(super) while_edited: Option<u64>,
 }
 
 /// One scene's clip.
@@ -74,7 +85,40 @@ pub(super) fn run(flags: &Flags, frames: u64, session: &Session) -> Result<Outco
     Outcome::new("bench", &Report { clips }, Ending::Done)
 }
 
-/// A wrong answer is a failed check; anything else an error.
+#[derive(Serialize)]
+struct Readings {
+    readings: Vec<Read>,
+}
+
+/// One scene, read while it was edited.
+#[derive(Serialize)]
+struct Read {
+    scene: String,
+    triangles: usize,
+    #[serde(flatten)]
+    reading: Reading,
+}
+
+/// Reads scene after scene while it is edited.
+pub(super) fn read(flags: &Flags, seconds: u64, session: &Session) -> Result<Outcome, Failure> {
+    let readers = session.threads.saturating_sub(1).max(1);
+    let load = Load { seconds: seconds as f64, pace: PACE, readers, policy: Policy::Refit };
+    let watcher = Steps::new(session.cancel.clone());
+    let mut readings = Vec::new();
+    for scene in &flags.scenes {
+        let subject = subject(scene, flags, session)?;
+        let reading = animate::read(&subject, &load, &watcher).map_err(failure)?;
+        watcher.clear();
+        reading.lines().iter().for_each(|line| say(line));
+        let triangles = subject.triangles.len();
+        readings.push(Read { scene: subject.name, triangles, reading });
+    }
+    let right = readings.iter().all(|it| it.reading.wrong == 0);
+    let ending = if right { Ending::Done } else { Ending::CheckFailed };
+    Outcome::new("bench", &Readings { readings }, ending)
+}
+
+/// Why a clip ended early.
 pub(super) fn failure(error: AnimateError) -> Failure {
     match error {
         AnimateError::Cancelled => Failure::Cancelled,

@@ -12,6 +12,7 @@ use crate::context::parallel;
 use crate::layout::lower::Packed;
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, LEAF_MAX, SLOTS_MAX, Wide};
+use crate::simd::f4::F4;
 use alloc::vec::Vec;
 
 /// Nodes that one task looks at.
@@ -39,12 +40,15 @@ impl Areas {
     }
 }
 
-/// In f64, where no area of a scene is too large.
+/// Of a box with coordinates of a scene ([`COORDINATE_MAX`]) it fits into f32. Where it is too small for that, prices say nothing and
+/// nothing is found to decay.
+///
+/// [`COORDINATE_MAX`]: crate::geometry::mesh::COORDINATE_MAX
 #[inline(always)]
 pub(crate) fn half_area(bounds: &Aabb) -> f64 {
-    let edge = |axis: usize| f64::from(bounds.hi[axis]) - f64::from(bounds.lo[axis]);
+    let edge = |axis: usize| bounds.hi[axis] - bounds.lo[axis];
     let (x, y, z) = (edge(0), edge(1), edge(2));
-    if x >= 0.0 { x * y + y * z + z * x } else { 0.0 }
+    if x >= 0.0 { f64::from(x * y + y * z + z * x) } else { 0.0 }
 }
 
 /// Slots that hold a child: those before the first that does not.
@@ -83,11 +87,51 @@ pub(super) fn ids_of<K: Packing<W>, const W: usize>(
     count
 }
 
-/// The half areas of triangles' own boxes, together.
+/// The box around triangles, and the half areas of their own boxes together.
 #[inline(always)]
-pub(crate) fn prim_areas(triangles: &[Packed]) -> f64 {
-    let area = |packed: &Packed| half_area(&Aabb::of_points(&packed.corners));
-    triangles.iter().map(area).sum()
+pub(crate) fn around(triangles: &[Packed]) -> (Aabb, f64) {
+    let (mut low, mut high) = (F4::splat(f32::INFINITY), F4::splat(f32::NEG_INFINITY));
+    let mut areas = 0.0;
+    for Packed { corners, .. } in triangles {
+        let corner = |[x, y, z]: [f32; 3]| F4::new(x, y, z, z);
+        let (a, b, c) = (corner(corners[0]), corner(corners[1]), corner(corners[2]));
+        let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
+        (low, high) = (low.min(lo), high.max(hi));
+        let edges = hi.sub(lo);
+        let [x, y, z, _] = edges.mul(edges.yzxw()).to_array();
+        areas += x + y + z;
+    }
+    let ([x, y, z, _], [far_x, far_y, far_z, _]) = (low.to_array(), high.to_array());
+    (Aabb { lo: [x, y, z], hi: [far_x, far_y, far_z] }, f64::from(areas))
+}
+
+/// The box around a node's children, and the sum of their half areas: four children at a time. The box in a slot without a
+/// child is empty.
+#[inline(always)]
+pub(super) fn of_node<const W: usize>(planes: &[[[f32; W]; 2]; 3]) -> (Aabb, f64) {
+    const LANES: usize = 4;
+    let mut all = Aabb::EMPTY;
+    let mut edges = [[F4::splat(0.0); SLOTS_MAX / LANES]; 3];
+    for (axis, edges) in edges.iter_mut().enumerate() {
+        let (mut low, mut high) = (F4::splat(f32::INFINITY), F4::splat(f32::NEG_INFINITY));
+        let [lo, hi] = &planes[axis];
+        let lanes = lo.as_chunks::<LANES>().0.iter().zip(hi.as_chunks::<LANES>().0);
+        for (edge, (&[a, b, c, d], &[e, f, g, h])) in edges.iter_mut().zip(lanes) {
+            let (lo, hi) = (F4::new(a, b, c, d), F4::new(e, f, g, h));
+            (low, high) = (low.min(lo), high.max(hi));
+            *edge = hi.sub(lo).max(F4::splat(0.0));
+        }
+        let ([a, b, c, d], [e, f, g, h]) = (low.to_array(), high.to_array());
+        all.lo[axis] = a.min(b).min(c.min(d));
+        all.hi[axis] = e.max(f).max(g.max(h));
+    }
+    let mut areas = F4::splat(0.0);
+    let [xs, ys, zs] = &edges;
+    for ((&x, &y), &z) in xs.iter().zip(ys).zip(zs).take(W / LANES) {
+        areas = areas.add(x.mul(y).add(y.mul(z)).add(z.mul(x)));
+    }
+    let areas = areas.to_array().map(f64::from);
+    (all, areas.iter().sum())
 }
 
 /// The areas of a tree as it is, and of the triangles in the leaves of each node; `content` is what it was made of.
@@ -112,7 +156,7 @@ pub(crate) fn areas<K: Packing<W>, const W: usize>(
         }
         let mut packed = [Packed::default(); SLOTS_MAX * LEAF_MAX];
         (content.triangles)(&ids[..count], &mut packed[..count]);
-        let triangles = prim_areas(&packed[..count]);
+        let (_, triangles) = around(&packed[..count]);
         sum.prims += triangles;
         triangles as f32
     };

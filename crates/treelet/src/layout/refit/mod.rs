@@ -15,7 +15,7 @@
 mod areas;
 mod touch;
 
-pub(crate) use areas::{Areas, Part, areas, half_area, prim_areas, survey, triangles_of, used};
+pub(crate) use areas::{Areas, Part, areas, around, half_area, survey, triangles_of, used};
 pub(crate) use touch::touch;
 
 use super::lower::Packed;
@@ -27,17 +27,30 @@ use super::write::write_block;
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
-use crate::memory::{self, Pages};
+use crate::memory::{self, Pages, Zeroed};
 use alloc::vec::Vec;
-use areas::ids_of;
+use areas::{ids_of, of_node};
 
 /// Nodes that one task sweeps.
 const CHUNK: usize = 1024;
+/// Triangles are asked for this many nodes ahead.
+const AHEAD: [(usize, Step); 2] = [(3, Step::Numbers), (1, Step::Corners)];
+
+/// What of a triangle is needed soon.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Step {
+    /// The numbers of its corners.
+    Numbers,
+    /// Its corners.
+    Corners,
+}
 
 /// What the leaves of a layout hold now.
 pub(crate) struct Content<'a, T, I> {
     /// Gives the triangles of some ids; `false` if one of them is not fit for a scene any more.
     pub(crate) triangles: &'a T,
+    /// Hears of ids that will be asked for soon.
+    pub(crate) expect: &'a (dyn Fn(&[u32], Step) + Sync),
     /// The box of the instance of that number.
     pub(crate) instance: &'a I,
 }
@@ -51,7 +64,16 @@ pub(crate) struct Refitted<const W: usize> {
     pub(crate) triangles: Vec<f32>,
 }
 
-/// The same tree around what its leaves hold now; `None` if a triangle is not fit for it.
+/// Room for so many, all of which will be written: what is there if it fits.
+fn sized<T: Zeroed>(
+    spare: Pages<T>,
+    len: usize,
+    what: &'static str,
+) -> Result<Pages<T>, BuildError> {
+    if spare.len() == len { Ok(spare) } else { Ok(Pages::zeroed(len, what)?) }
+}
+
+/// The same tree around what its leaves hold now, written over a layout that nobody needs any more if there is one; `None` if a triangle is not fit for it.
 pub(crate) fn refit<K: Packing<W>, const W: usize>(
     old: &Wide<W, K>,
     content: &Content<
@@ -59,6 +81,7 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
         impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
         impl Fn(usize) -> Aabb + Sync,
     >,
+    spare: Option<Wide<W>>,
     cancel: &Cancel,
 ) -> Result<Option<Refitted<W>>, BuildError> {
     // Number the triangles anew, in the order of the nodes; the root may be a leaf.
@@ -68,8 +91,10 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
         children.filter_map(|&child| triangles_of(old, child)).sum::<usize>()
     });
     let triangles = of_root + counts.iter().sum::<usize>();
-    let mut nodes = Pages::zeroed(old.nodes.len(), "wide nodes")?;
-    let mut words = Pages::zeroed(triangles * TRIANGLE_WORDS + BLOCK_WORDS, "leaf blocks")?;
+    let count_of_words = triangles * TRIANGLE_WORDS + BLOCK_WORDS;
+    let spare = spare.unwrap_or_else(Wide::nothing);
+    let mut nodes = sized(spare.nodes, old.nodes.len(), "wide nodes")?;
+    let mut words = sized(spare.words, count_of_words, "leaf blocks")?;
     let mut boxes = memory::try_filled(Aabb::EMPTY, old.nodes.len(), "boxes of nodes")?;
     let mut own = memory::try_filled(0.0, old.nodes.len(), "areas of nodes")?;
 
@@ -171,7 +196,13 @@ where
         // Leaves go forward, as their words do.
         let mut leaves = Leaves::new(first);
         let mut words = words;
-        for ((old, node), own) in old.iter().zip(&mut *nodes).zip(own) {
+        for (at, (node, own)) in nodes.iter_mut().zip(own).enumerate() {
+            for (ahead, step) in AHEAD {
+                if let Some(soon) = old.get(at + ahead) {
+                    self.expect(soon, step);
+                }
+            }
+            let old = &old[at];
             *node = Node::EMPTY;
             words = self.leaves(old, node, words, &mut leaves, own)?;
         }
@@ -196,7 +227,9 @@ where
             if waits[at] {
                 waiting.push(base + at);
             } else {
-                areas.boxes += self.finish(node, slots, &mut boxes[at]);
+                let of_children;
+                (boxes[at], of_children) = of_node(&node.planes);
+                areas.boxes += of_children;
             }
         }
         Some(Swept { waiting, areas })
@@ -212,20 +245,20 @@ where
                 node.set(slot, &boxes[below], child);
             }
         }
-        self.finish(node, slots, &mut boxes[at])
+        let of_children;
+        (boxes[at], of_children) = of_node(&node.planes);
+        of_children
     }
 
-    /// The box around a node's children, and the sum of their half areas.
-    fn finish(&self, node: &Node<W>, slots: usize, around: &mut Aabb) -> f64 {
-        let mut all = Aabb::EMPTY;
-        let mut areas = 0.0;
-        for slot in 0..slots {
-            let bounds = <Plain as Packing<W>>::bounds(node, slot);
-            areas += half_area(&bounds);
-            all = all.union(&bounds);
+    /// Asks for the triangles of a node that is written soon.
+    #[inline(always)]
+    fn expect(&self, node: &K::Node, step: Step) {
+        let children = K::children(node);
+        let mut ids = [0; LEAF_MAX];
+        for &child in &children[..used(children)] {
+            let count = ids_of(self.old, child, &mut ids);
+            (self.content.expect)(&ids[..count], step);
         }
-        *around = all;
-        areas
     }
 
     /// Fills the slots of a node that hold leaves, and notes its other children; returns the words
@@ -251,9 +284,7 @@ where
         }
 
         // Write them leaf by leaf.
-        let areas = prim_areas(&leaves.packed[..count]);
-        leaves.areas += areas;
-        *own = areas as f32;
+        let mut areas = 0.0;
         let (mut words, rest) = words.split_at_mut(count * TRIANGLE_WORDS);
         let mut packed = &leaves.packed[..count];
         for (slot, &child) in children[..slots].iter().enumerate() {
@@ -262,7 +293,9 @@ where
                 let (block, after) = words.split_at_mut(count * TRIANGLE_WORDS);
                 write_block(triangles, block);
                 (packed, words) = (others, after);
-                node.set(slot, &around(triangles), Child::leaf(leaves.next, count));
+                let (bounds, prims) = around(triangles);
+                areas += prims;
+                node.set(slot, &bounds, Child::leaf(leaves.next, count));
                 leaves.next += count;
             } else if child.is_inner() {
                 node.children[slot] = child;
@@ -272,6 +305,8 @@ where
                 node.set(slot, &bounds, child);
             }
         }
+        leaves.areas += areas;
+        *own = areas as f32;
         Some(rest)
     }
 
@@ -304,15 +339,8 @@ where
         }
         write_block(packed, words.get_mut(..count * TRIANGLE_WORDS)?);
         *new = Child::leaf(leaves.next, count);
-        Some(around(packed))
+        Some(around(packed).0)
     }
-}
-
-/// The box around triangles.
-#[inline(always)]
-fn around(triangles: &[Packed]) -> Aabb {
-    let boxes = triangles.iter().map(|packed| Aabb::of_points(&packed.corners));
-    boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds))
 }
 
 impl<const W: usize> Refitted<W> {

@@ -11,7 +11,7 @@ use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::parallel;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{Areas, Content};
+use crate::layout::refit::{Areas, Content, Step};
 use crate::layout::wide::Wide;
 use crate::scene::assemble::Level;
 use crate::scene::builder::{BuildOptions, Placed, SceneBuilder};
@@ -36,6 +36,21 @@ struct Followed {
     standing: Standing,
 }
 
+/// A scene whose tree stayed.
+struct Done {
+    scene: Scene,
+    action: Action,
+    reason: Reason,
+    decay: f64,
+    parts: Parts,
+}
+
+/// A tree that should not stay.
+struct Worn {
+    decay: f64,
+    areas: Areas,
+}
+
 impl Followed {
     /// How much dearer the tree is than when it was built.
     fn decay(&self) -> f64 {
@@ -50,7 +65,7 @@ impl Edit {
     /// # Errors
     ///
     /// As [`SceneBuilder::build`]; the old snapshot stays what it is.
-    pub fn commit(self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
+    pub fn commit(mut self, options: &BuildOptions<'_>) -> Result<Commit, SceneError> {
         let watch = Stopwatch::start();
         let done = |scene, action, reason, decay, parts| {
             Ok(Commit { scene, action, reason, decay, parts, time: watch.elapsed() })
@@ -68,10 +83,10 @@ impl Edit {
             Ok(followed) => {
                 ledger.refit = watch.elapsed().as_secs_f64();
                 match self.mend(followed, &mut ledger, options)? {
-                    Ok((scene, action, reason, decay, parts)) => {
+                    Ok(Done { scene, action, reason, decay, parts }) => {
                         return done(scene, action, reason, decay, parts);
                     }
-                    Err((reason, decay, areas)) => (reason, Some((decay, areas))),
+                    Err(worn) => (Reason::Decayed, Some(worn)),
                 }
             }
         };
@@ -88,17 +103,17 @@ impl Edit {
         ledger
     }
 
-    /// A new tree. `before` is what the old one had decayed to, and its areas, where it could have stayed.
+    /// A new tree. `before` is what the old one had come to, where it could have stayed.
     fn rebuild(
         &self,
-        before: Option<(f64, Areas)>,
+        before: Option<Worn>,
         mut ledger: Ledger,
         options: &BuildOptions<'_>,
     ) -> Result<Scene, SceneError> {
         let watch = Stopwatch::start();
         let mut scene = assemble::assemble(self.description(), options)?;
         let seconds = watch.elapsed().as_secs_f64();
-        let standing = before.map(|(decay, areas)| {
+        let standing = before.map(|Worn { decay, areas }| {
             let standing = standing(&scene);
             // As old trees are measured: what one costs that was built for this shape, by what one did for the old.
             let after = decay * standing.built / areas.price();
@@ -112,20 +127,19 @@ impl Edit {
         Ok(scene)
     }
 
-    /// The scene with the tree that followed, repaired where that is what to do; or why there should be a new one, and what
-    /// the old one has come to.
-    #[expect(clippy::type_complexity, reason = "a commit, or why there is none yet")]
+    /// The scene with the tree that followed, repaired where that is what to do; or what the tree has come to, if there should be a new
+    /// one.
     fn mend(
         &self,
         mut followed: Followed,
         ledger: &mut Ledger,
         options: &BuildOptions<'_>,
-    ) -> Result<Result<(Scene, Action, Reason, f64, Parts), (Reason, f64, Areas)>, SceneError> {
+    ) -> Result<Result<Done, Worn>, SceneError> {
         let decay = followed.decay();
         let mut done = (Action::Refitted, Reason::Same, decay, Parts::default());
         match ledger.next(self.policy, decay) {
             Next::Nothing => {}
-            Next::Rebuild => return Ok(Err((Reason::Decayed, decay, followed.mended.areas()))),
+            Next::Rebuild => return Ok(Err(Worn { decay, areas: followed.mended.areas() })),
             Next::Repair => {
                 let watch = Stopwatch::start();
                 let context = &options.context;
@@ -149,13 +163,13 @@ impl Edit {
                     _ => true,
                 };
                 if !enough {
-                    return Ok(Err((Reason::Decayed, decay, areas)));
+                    return Ok(Err(Worn { decay, areas }));
                 }
             }
         }
         let (action, reason, decay, parts) = done;
         let scene = self.finish(followed, *ledger, options)?;
-        Ok(Ok((scene, action, reason, decay, parts)))
+        Ok(Ok(Done { scene, action, reason, decay, parts }))
     }
 
     /// The scene with the tree that followed.
@@ -260,7 +274,11 @@ impl Edit {
     }
 
     /// The tree around what moved; or why it cannot stay.
-    fn follow(&self, options: &BuildOptions<'_>) -> Result<Result<Followed, Reason>, SceneError> {
+    fn follow(
+        &mut self,
+        options: &BuildOptions<'_>,
+    ) -> Result<Result<Followed, Reason>, SceneError> {
+        let spare = self.spare.take();
         let before = &*self.before.structure;
         let reshaped = match self.reshaped() {
             Err(reason) => return Ok(Err(reason)),
@@ -311,8 +329,10 @@ impl Edit {
         } else {
             let moved = Moved { geometries: &geometries, before };
             let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
-            let content = Content { triangles: &fetch, instance: &single };
-            sweep(&before.layout, &content, &options.context.cancel)?
+            let expect = |ids: &[u32], step: Step| moved.expect(ids, step);
+            let content = Content { triangles: &fetch, expect: &expect, instance: &single };
+            let spare = spare.and_then(|spare| Arc::into_inner(spare.structure));
+            sweep(&before.layout, &content, spare, &options.context.cancel)?
         };
         let Some(mended) = mended else { return Ok(Err(Reason::Unfit)) };
         if alone && reshaped {
@@ -346,7 +366,8 @@ fn standing(scene: &Scene) -> Standing {
     let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
     let single =
         |number: usize| single(&structure.geometries, &structure.instances, structure, number);
-    let content = Content { triangles: &fetch, instance: &single };
+    let expect = |ids: &[u32], step: Step| moved.expect(ids, step);
+    let content = Content { triangles: &fetch, expect: &expect, instance: &single };
     appraise(&structure.layout, &content)
 }
 

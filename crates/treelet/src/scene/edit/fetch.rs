@@ -5,6 +5,9 @@ use crate::context::parallel;
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::geometry::{Mesh, Shape};
 use crate::layout::lower::Packed;
+use crate::layout::refit::Step;
+use crate::memory::prefetch;
+use crate::simd::f4::F4;
 use crate::trace::structure::{Geometry, Structure};
 
 /// Primitives whose box is found by one task.
@@ -18,6 +21,21 @@ pub(super) struct Moved<'a> {
 }
 
 impl Moved<'_> {
+    /// Asks for what is needed soon.
+    pub(super) fn expect(&self, ids: &[u32], step: Step) {
+        let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries else { return };
+        let (positions, triangles) = (mesh.positions(), mesh.triangles());
+        for &id in ids {
+            match step {
+                Step::Numbers => prefetch(triangles, id as usize),
+                Step::Corners => {
+                    let corners = triangles[id as usize];
+                    corners.iter().for_each(|&at| prefetch(positions, at as usize));
+                }
+            }
+        }
+    }
+
     /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
     /// Whether all triangles are fit for a scene.
     pub(super) fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
@@ -43,14 +61,18 @@ fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
         *packed = Packed { corners: [[0.0; 3]; 3], id };
         packed.corners[0] = [a, b, c].map(f32::from_bits);
     }
-    let mut fit = true;
+    const TOO_FAR: f32 = COORDINATE_MAX.next_up();
+    const XYZ: usize = 0b111;
+    let mut near = XYZ;
     for packed in packed {
         let [a, b, c] = packed.corners[0].map(f32::to_bits);
         let corner = |at: u32| positions.get(at as usize).copied().unwrap_or([f32::NAN; 3]);
         packed.corners = [corner(a), corner(b), corner(c)];
-        fit &= packed.corners.iter().flatten().all(|x| x.abs() <= COORDINATE_MAX);
+        for [x, y, z] in packed.corners {
+            near &= F4::new(x, y, z, z).abs().less_bits(F4::splat(TOO_FAR));
+        }
     }
-    fit
+    near == XYZ
 }
 
 /// Whether a primitive is not fit for a scene.

@@ -145,3 +145,91 @@ impl Ledger {
         self.repairs = Shop { trust: self.repairs.trust, ..Shop::NEW };
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RAYS: Policy = Policy::Rays(1_000_000);
+
+    /// A build takes a second, a frame's rays too, as long as the tree is as it was built.
+    fn ledger() -> Ledger {
+        Ledger { ray: 1e-6, repair: 0.1, ..Ledger::new(1.0, 1) }
+    }
+
+    /// Rents are paid until they come to the price: for a loss of `a` more each frame, in the frame of `sqrt(2 b / a)`.
+    #[test]
+    fn a_repair_comes_when_its_rent_has_come_to_its_price() {
+        let mut ledger = ledger();
+        let decay = |frame: usize| 1.0 / (1.0 - 0.002 * frame as f64);
+        let frame = (1..100).find(|&frame| ledger.next(RAYS, decay(frame)) != Next::Nothing);
+        assert_eq!(frame, Some(10));
+        assert_eq!(ledger.next(RAYS, decay(10)), Next::Repair);
+        // Ten times the rays are worth it sooner, a tenth later.
+        for (rays, frame) in [(10_000_000, 3), (100_000, 32)] {
+            let mut ledger = Ledger { ray: 1e-6, repair: 0.1, ..Ledger::new(1.0, 1) };
+            let rays = Policy::Rays(rays);
+            assert_eq!(
+                (1..).find(|&at| ledger.next(rays, decay(at)) != Next::Nothing),
+                Some(frame)
+            );
+        }
+    }
+
+    /// What no repair brings back, a rebuild may; what it did not bring either is asked for ten times as long.
+    #[test]
+    fn what_repairs_leave_is_a_rebuilds() {
+        let mut ledger = ledger();
+        let rebuild = |ledger: &mut Ledger| {
+            (1..1000).find(|_| match ledger.next(RAYS, 1.5) {
+                Next::Repair => {
+                    ledger.repaired(0.1, 1.5, 1.25);
+                    false
+                }
+                next => next == Next::Rebuild,
+            })
+        };
+        // The first repair leaves a fifth of the time to a rebuild.
+        let first = rebuild(&mut ledger).unwrap();
+        assert!((6..=7).contains(&first), "{first}");
+        // It brings nothing: the shape is dearer.
+        ledger.rebuilt(1.0, 1.25, 1.25);
+        let again = rebuild(&mut ledger).unwrap();
+        assert!((40..70).contains(&again), "{again}");
+    }
+
+    /// A tree that gets cheaper by itself has a new mark to be held against.
+    #[test]
+    fn the_least_that_a_tree_cost_counts() {
+        let (mut risen, mut fallen) = (ledger(), ledger());
+        assert_eq!([0.5, 1.0].map(|decay| risen.next(RAYS, decay)), [Next::Nothing, Next::Repair]);
+        assert_eq!([1.0, 0.5, 0.5].map(|decay| fallen.next(RAYS, decay)), [Next::Nothing; 3]);
+    }
+
+    #[test]
+    fn a_budget_buys_the_best_that_it_can() {
+        let budget =
+            |milliseconds: u64| Policy::Budget(core::time::Duration::from_millis(milliseconds));
+        let next = |milliseconds, decay| ledger().next(budget(milliseconds), decay);
+        assert_eq!(next(2000, 1.3), Next::Rebuild);
+        assert_eq!(next(900, 1.3), Next::Repair);
+        assert_eq!(next(150, 1.3), Next::Nothing);
+        assert_eq!(next(2000, 1.01), Next::Nothing);
+        // What a repair does not change is not repaired again.
+        let mut ledger = ledger();
+        ledger.repaired(0.1, 1.3, 1.29);
+        assert_eq!(ledger.next(budget(900), 1.3), Next::Nothing);
+    }
+
+    #[test]
+    fn other_policies_look_at_the_decay_alone() {
+        for (policy, next) in [
+            (Policy::Refit, [Next::Nothing; 2]),
+            (Policy::Repair, [Next::Repair; 2]),
+            (Policy::Rebuild, [Next::Rebuild; 2]),
+            (Policy::Auto, [Next::Nothing, Next::Repair]),
+        ] {
+            assert_eq!([1.3, 1.5].map(|decay| ledger().next(policy, decay)), next, "{policy:?}");
+        }
+    }
+}

@@ -7,13 +7,15 @@ use crate::layout::compact::pack::pack;
 use crate::layout::lower::Packed;
 use crate::layout::refit::{self, Areas, Content, Part, Refitted, refit};
 use crate::layout::repair::{Repaired, repair};
+use crate::layout::wide::Wide;
 use crate::scene::SceneError;
 use crate::scene::assemble::COVER_MAX;
 use crate::scene::upkeep::Standing;
-use crate::trace::structure::Layout;
+use crate::trace::structure::{Layout, Structure};
 use crate::tree::Tree;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::mem;
 
 /// A tree that followed what moved, before it is packed.
 pub(super) enum Mended {
@@ -55,7 +57,7 @@ impl Mended {
         cancel: &Cancel,
     ) -> Result<(Layout, Vec<Aabb>, Vec<f32>), SceneError> {
         let cover = each!(&self, it => it.cover(COVER_MAX));
-        let triangles = each!(&mut self, it => core::mem::take(&mut it.triangles));
+        let triangles = each!(&mut self, it => mem::take(&mut it.triangles));
         let layout = match self {
             Self::Wide8(it) => Layout::Wide8(it.wide),
             Self::Wide16(it) => Layout::Wide16(it.wide),
@@ -93,12 +95,22 @@ pub(super) fn sweep(
         impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
         impl Fn(usize) -> Aabb + Sync,
     >,
+    spare: Option<Structure>,
     cancel: &Cancel,
 ) -> Result<Option<Mended>, BuildError> {
-    Ok(match layout {
-        Layout::Wide8(wide) => refit(wide, content, cancel)?.map(Mended::Wide8),
-        Layout::Wide16(wide) => refit(wide, content, cancel)?.map(Mended::Wide16),
-        Layout::Compact(wide) => refit(wide, content, cancel)?.map(Mended::Compact),
+    // What is left of it is dropped as every scene is.
+    let spare =
+        spare.map(|mut spare| mem::replace(&mut spare.layout, Layout::Wide8(Wide::nothing())));
+    Ok(match (layout, spare) {
+        (Layout::Wide8(wide), Some(Layout::Wide8(spare))) => {
+            refit(wide, content, Some(spare), cancel)?.map(Mended::Wide8)
+        }
+        (Layout::Wide16(wide), Some(Layout::Wide16(spare))) => {
+            refit(wide, content, Some(spare), cancel)?.map(Mended::Wide16)
+        }
+        (Layout::Wide8(wide), _) => refit(wide, content, None, cancel)?.map(Mended::Wide8),
+        (Layout::Wide16(wide), _) => refit(wide, content, None, cancel)?.map(Mended::Wide16),
+        (Layout::Compact(wide), _) => refit(wide, content, None, cancel)?.map(Mended::Compact),
     })
 }
 
