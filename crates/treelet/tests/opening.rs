@@ -33,6 +33,14 @@ fn turned(random: &mut Random) -> Affine {
         .then_from(&Affine::scaling(scales))
 }
 
+/// Stretched by up to a hundred between two rotations: what is hit inside is seen from outside a hundred times as far off.
+fn uneven(random: &mut Random) -> Affine {
+    let scales = [(); 3].map(|()| 0.1 * 10.0_f32.powi(random.below(3) as i32));
+    turned(random)
+        .then_from(&Affine::scaling(scales))
+        .then_from(&Affine::rotation(random.direction(), random.between(0.0, 6.3)))
+}
+
 /// Rods, crossed, and something round among them; then all of that once more inside another level.
 fn crossed(options: &BuildOptions<'_>) -> Scene {
     let mut random = Random::new(SEED);
@@ -118,7 +126,7 @@ fn nothing_is_lost_at_the_edges_of_parts() {
     let options = BuildOptions::default();
     let strip = Scene::builder().mesh(plane).build(&options).unwrap();
     for round in 0..12 {
-        let maps: Vec<_> = (0..40).map(|_| turned(&mut random)).collect();
+        let maps: Vec<_> = (0..40).map(|_| uneven(&mut random)).collect();
         let add = |scene: SceneBuilder, map: &Affine| scene.instance(&strip, *map);
         let make = |open_instances| {
             let options = BuildOptions { open_instances, ..BuildOptions::default() };

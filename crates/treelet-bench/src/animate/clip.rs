@@ -98,14 +98,13 @@ fn advance(
 
 /// The most that was done to a tree.
 fn did(updated: &Updated) -> &'static str {
-    let objects = match updated {
-        Updated { rebuilt: 1.., .. } => Action::Rebuilt,
-        Updated { refitted: 1.., .. } => Action::Refitted,
-        _ => Action::Kept,
-    };
-    match (objects, updated.placements) {
-        (objects, None | Some(Action::Kept)) => word(objects),
-        (Action::Kept | Action::Refitted, Some(placements)) => word(placements),
-        (objects, Some(_)) => word(objects),
-    }
+    let to_objects = [
+        (Action::Rebuilt, updated.rebuilt),
+        (Action::Repaired, updated.repaired),
+        (Action::Refitted, updated.refitted),
+    ];
+    let mut done = to_objects
+        .iter()
+        .filter(|(action, count)| *count > 0 || updated.placements == Some(*action));
+    word(done.next().map_or(Action::Kept, |(action, _)| *action))
 }

@@ -36,9 +36,9 @@ fn every_way_keeps_up_with_a_clip() {
     assert_eq!((&clip["instances"], &clip["triangles"]), (&2.into(), &1.into()));
     let sums = clip["sums"].as_array().unwrap();
     let ways: Vec<_> = sums.iter().map(|sum| sum["way"].as_str().unwrap()).collect();
-    assert_eq!(ways, ["rebuild only", "refit only", "policy"]);
+    assert_eq!(ways, ["rebuild only", "refit only", "auto", "rays"]);
     let moments = clip["play"]["moments"].as_array().unwrap();
-    assert_eq!(moments.len(), 5 * 3);
+    assert_eq!(moments.len(), 5 * 4);
     for moment in moments {
         let did = match (moment["frame"].as_u64(), moment["way"].as_u64()) {
             (Some(0), _) => "built",
@@ -50,8 +50,8 @@ fn every_way_keeps_up_with_a_clip() {
         assert!(moment["trace"].as_f64().unwrap() > 0.0, "{moment}");
     }
     let svg = std::fs::read_to_string(folder.path("clip.svg")).unwrap();
-    assert_eq!(svg.matches("<polyline").count(), 6);
-    assert!(svg.contains("policy") && svg.ends_with("</svg>\n"));
+    assert_eq!(svg.matches("<polyline").count(), 8);
+    assert!(svg.contains("refit only") && svg.ends_with("</svg>\n"));
 }
 
 #[test]

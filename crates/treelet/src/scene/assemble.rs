@@ -21,6 +21,7 @@ use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::layout::wide::LEAF_MAX;
 use crate::simd::Checked;
 use crate::trace::moving::MovingMesh;
+use crate::trace::placements::{Instance, Instances, Part};
 use crate::trace::structure::{Geometry, Layout, Structure};
 use crate::tree::{Kind, PRIMS_MAX, Tree};
 use alloc::string::ToString;
@@ -91,24 +92,7 @@ impl Gathered {
         let mut placements = place_instances(parts(instances), around, options, &mut report)?;
         let opened = open::parts(&placements.instances, budget);
         placements.instances = mem::take(&mut placements.instances).opened(&opened);
-        let mut opened = opened.iter().map(|(part, _)| part.instance).peekable();
-        let placed = placements
-            .instances
-            .iter()
-            .zip(0..)
-            .filter(|(instance, _)| !instance.bounds().is_empty());
-        for (instance, index) in placed {
-            report.instances += 1;
-            if opened.peek() != Some(&index) {
-                prims.add_single(index, instance.bounds());
-                continue;
-            }
-            report.opened_instances += 1;
-            while opened.next_if_eq(&index).is_some() {}
-        }
-        for number in placements.instances.len()..placements.instances.entries() {
-            prims.add_single(number as u32, placements.instances.bounds(number));
-        }
+        add_instances(&placements.instances, &opened, &mut prims, &mut report);
         // Leaves call them by their ids, after all instances and parts of them.
         let after = placements.instances.entries() as u64;
         for (id, bounds) in others {
@@ -190,6 +174,34 @@ struct Content {
     placements: Placements,
 }
 
+/// Adds the instances that are somewhere, or in the place of those that are opened their parts.
+fn add_instances(
+    instances: &Instances,
+    opened: &[(Part, Aabb)],
+    prims: &mut Prims,
+    report: &mut BuildReport,
+) {
+    // Usually that is all of them, block after block.
+    if opened.is_empty() && prims.add_blocks(&instances.blocks) {
+        report.instances = instances.len() as u64;
+        return;
+    }
+    let mut opened = opened.iter().map(|(part, _)| part.instance).peekable();
+    let placed = instances.iter().zip(0..).filter(|(instance, _)| !instance.bounds().is_empty());
+    for (instance, index) in placed {
+        report.instances += 1;
+        if opened.peek() != Some(&index) {
+            prims.add_single(index, instance.bounds());
+            continue;
+        }
+        report.opened_instances += 1;
+        while opened.next_if_eq(&index).is_some() {}
+    }
+    for number in instances.len()..instances.entries() {
+        prims.add_single(number as u32, instances.bounds(number));
+    }
+}
+
 /// Lowers the tree and derives what walks need to know about the level. The boxes of `prims` are let go unless
 /// another tree is to be built over them `again`.
 fn finish(
@@ -225,10 +237,10 @@ fn finish(
             Layout::Compact(pack(&wide, cancel)?)
         }
     };
-    for (at, instance) in instances.iter().enumerate() {
-        if !instance.structure.layout.is_as(&layout) {
-            return Err(SceneError::MixedLayouts { instance: at });
-        }
+    if instances.blocks.iter().any(|block| block.layouts & !layout.bit() != 0) {
+        let other = |instance: &Instance| !instance.structure.layout.is_as(&layout);
+        let instance = instances.iter().position(other).unwrap_or_default();
+        return Err(SceneError::MixedLayouts { instance });
     }
     let level = Level {
         level,

@@ -9,6 +9,7 @@ use crate::layout::{compact, wide};
 use crate::math::Affine;
 use crate::optimize::Optimizer;
 use crate::simd::Level;
+use crate::trace::placements::BLOCK;
 use crate::trace::structure::{Geometry, Structure};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -118,7 +119,36 @@ impl Default for BuildOptions<'_> {
 #[derive(Clone, Debug, Default)]
 pub struct SceneBuilder {
     pub(super) geometries: Vec<Geometry>,
-    pub(super) instances: Vec<Placed>,
+    pub(super) instances: Crowd,
+}
+
+/// What is to be placed, in blocks as the scene will have them, so that nothing moves once more.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Crowd {
+    /// All but the last are full.
+    pub(super) blocks: Vec<Vec<Placed>>,
+}
+
+impl Crowd {
+    pub(super) fn len(&self) -> usize {
+        let last = self.blocks.last().map_or(0, Vec::len);
+        self.blocks.len().saturating_sub(1) * BLOCK + last
+    }
+
+    pub(super) fn push(&mut self, placed: Placed) {
+        match self.blocks.last_mut() {
+            Some(block) if block.len() < BLOCK => block.push(placed),
+            _ => self.blocks.push(alloc::vec![placed]),
+        }
+    }
+}
+
+impl FromIterator<Placed> for Crowd {
+    fn from_iter<I: IntoIterator<Item = Placed>>(placed: I) -> Self {
+        let mut crowd = Self::default();
+        placed.into_iter().for_each(|placed| crowd.push(placed));
+        crowd
+    }
 }
 
 /// A scene to be placed.

@@ -15,8 +15,10 @@ use crate::geometry::mesh::{COORDINATE_MAX, Defect, Mesh};
 use crate::geometry::triangle;
 use crate::memory::{self, Pages};
 use crate::simd::f4::F4;
+use crate::trace::placements::{BLOCK, Block};
 use crate::trace::structure::Geometry;
 use crate::tree::PRIMS_MAX;
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// Triangles are checked and boxed this many at a time.
@@ -96,6 +98,26 @@ impl Prims {
     /// Lets the boxes go.
     pub(super) fn forget_bounds(&mut self) {
         self.bounds = Pages::default();
+    }
+
+    /// Adds all instances of these blocks, if none of them is nowhere; otherwise none, and says so.
+    pub(super) fn add_blocks(&mut self, blocks: &[Arc<Block>]) -> bool {
+        let count = blocks.iter().map(|block| block.items.len()).sum::<usize>();
+        let Some(bounds) = self.bounds.get_mut(self.triangles..self.triangles + count) else {
+            return false;
+        };
+        let jobs: Vec<_> = blocks.iter().zip(bounds.chunks_mut(BLOCK)).collect();
+        let whole = parallel::map(jobs, |(block, bounds)| {
+            for (instance, bounds) in block.items.iter().zip(&mut *bounds) {
+                *bounds = instance.bounds();
+            }
+            bounds.iter().all(|bounds| !bounds.is_empty())
+        });
+        let all = whole.iter().all(|&whole| whole) && self.singles.is_empty();
+        if all {
+            self.singles = (0..count as u32).collect();
+        }
+        all
     }
 
     /// Adds what is alone in its leaf; numbers rise, and triangles must not follow.

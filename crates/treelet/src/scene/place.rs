@@ -1,6 +1,6 @@
 //! Where instances are: checked, ranked, boxed, and widened as `trace::slack` derives.
 
-use super::builder::{BuildOptions, Invalid, Placed};
+use super::builder::{BuildOptions, Crowd, Invalid, Placed};
 use super::report::BuildReport;
 use super::{InstanceDefect, SceneError, travel};
 use crate::bounds::Aabb;
@@ -10,7 +10,7 @@ use crate::math::{Affine, affine};
 use crate::memory;
 use crate::trace::motion::Motion;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
-use crate::trace::slack::{Near, Slack};
+use crate::trace::slack::{self, Near, Norms, Slack};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -42,13 +42,8 @@ pub(super) enum Part {
 }
 
 /// Blocks of what is to be placed, each full but for the last.
-pub(super) fn parts(placed: impl IntoIterator<Item = Placed>) -> Vec<Part> {
-    let mut placed = placed.into_iter().peekable();
-    let mut parts = Vec::new();
-    while placed.peek().is_some() {
-        parts.push(Part::New(placed.by_ref().take(BLOCK).collect()));
-    }
-    parts
+pub(super) fn parts(placed: Crowd) -> Vec<Part> {
+    placed.blocks.into_iter().map(Part::New).collect()
 }
 
 impl Placed {
@@ -83,8 +78,7 @@ pub(super) fn place_instances(
         if let Located::New { defects, .. } = located {
             report_defects(block, defects, options, report)?;
         }
-        let empty = located.block().items.iter().filter(|it| it.structure.bounds.is_empty());
-        report.empty_instances += empty.count() as u64;
+        report.empty_instances += located.block().empty;
     }
 
     // Only now is it known how large the level is, and so what rays are near.
@@ -124,7 +118,7 @@ type Defects = Vec<(usize, InstanceDefect)>;
 /// A block of instances that are where they are, their boxes not widened if they are new.
 enum Located {
     Kept(Arc<Block>),
-    New { block: Block, defects: Defects },
+    New { block: Block, all_norms: Vec<Norms>, defects: Defects },
 }
 
 impl Located {
@@ -136,10 +130,13 @@ impl Located {
             far_share: 0.0,
             paths: 0,
             repeats: false,
+            empty: 0,
+            layouts: 0,
             moves: false,
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
+        let mut all_norms = Vec::with_capacity(placed.len());
         for (at, placed) in placed.into_iter().enumerate() {
             let located = match &placed.steps {
                 None => locate(&placed),
@@ -150,7 +147,8 @@ impl Located {
                 Place::NOWHERE
             });
             let Placed { structure, world_from_object, mask, .. } = placed;
-            let Place { object_from_world, bounds, reach, motion } = place;
+            let Place { object_from_world, bounds, reach, norms, motion } = place;
+            all_norms.push(norms);
             if !bounds.is_empty() {
                 let limit = match &motion {
                     None => Near::limit(&structure.slack, &object_from_world),
@@ -161,6 +159,8 @@ impl Located {
             block.reach = block.reach.union(&reach);
             block.paths = block.paths.saturating_add(structure.paths);
             block.repeats |= structure.repeats;
+            block.empty += u64::from(structure.bounds.is_empty());
+            block.layouts |= structure.layout.bit();
             block.moves |= structure.moves | motion.is_some();
             let columns = Instance::columns(&object_from_world);
             let (corners, rank) = (Instance::corners(&bounds), 0);
@@ -174,7 +174,7 @@ impl Located {
                 world_from_object,
             });
         }
-        Self::New { block, defects }
+        Self::New { block, all_norms, defects }
     }
 
     fn block(&self) -> &Block {
@@ -186,19 +186,19 @@ impl Located {
 
     /// With boxes for what is near, and ranks from `rank` on; and what is wrong with that.
     fn widened(self, near: Near, rank: u64) -> (Arc<Block>, Defects) {
-        let mut block = match self {
-            Self::New { block, .. } => block,
+        let (mut block, all_norms) = match self {
+            Self::New { block, all_norms, .. } => (block, all_norms),
             Self::Kept(block) if block.near == near && block.first_rank() == Some(rank) => {
                 return (block, Vec::new());
             }
             Self::Kept(block) => match Self::new(block.items.iter().map(Placed::again).collect()) {
-                Self::New { block, .. } => block,
+                Self::New { block, all_norms, .. } => (block, all_norms),
                 Self::Kept(block) => return (block, Vec::new()),
             },
         };
         let mut defects = Vec::new();
         let mut next = rank;
-        for (at, instance) in block.items.iter_mut().enumerate() {
+        for (at, (instance, norms)) in block.items.iter_mut().zip(&all_norms).enumerate() {
             instance.rank = next;
             next = next.saturating_add(instance.structure.paths);
             let bounds = instance.bounds();
@@ -208,10 +208,7 @@ impl Located {
             let (bounds, far_share) = if instance.motion.is_some() {
                 travel::widen(instance, near)
             } else {
-                let map = &instance.object_from_world();
-                // Not singular, or it would be nowhere.
-                let exact = map.inverse_f64().unwrap_or_default();
-                let (by, far_share) = near.widening(&instance.structure.slack, map, &exact);
+                let (by, far_share) = near.widening_of(&instance.structure.slack, *norms);
                 (bounds.widened(by), far_share)
             };
             block.far_share = block.far_share.max(far_share);
@@ -251,6 +248,8 @@ pub(super) struct Place {
     pub(super) object_from_world: Affine,
     pub(super) bounds: Aabb,
     pub(super) reach: Aabb,
+    /// What [`Near::widening_of`] asks for where nothing moves.
+    pub(super) norms: Norms,
     /// How it moves; the bounds are not widened yet.
     pub(super) motion: Option<Arc<Motion>>,
 }
@@ -260,6 +259,7 @@ impl Place {
         object_from_world: Affine::IDENTITY,
         bounds: Aabb::EMPTY,
         reach: Aabb::EMPTY,
+        norms: [0.0; 4],
         motion: None,
     };
 }
@@ -296,7 +296,8 @@ fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
     };
     let reach = whole.union(&bounds);
     let Aabb { lo, hi } = reach;
-    let place = Place { object_from_world, bounds, reach, motion: None };
+    let norms = slack::norms(&object_from_world, &exact);
+    let place = Place { object_from_world, bounds, reach, norms, motion: None };
     if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
 }
 

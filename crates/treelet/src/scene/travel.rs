@@ -50,7 +50,8 @@ pub(super) fn locate(inner: &Structure, steps: &[Affine]) -> Result<Place, Insta
     if !is_near(&reach) {
         return Err(InstanceDefect::TooFar { lo, hi });
     }
-    Ok(Place { object_from_world, bounds, reach, motion: Some(Arc::new(motion)) })
+    let motion = Some(Arc::new(motion));
+    Ok(Place { object_from_world, bounds, reach, motion, ..Place::NOWHERE })
 }
 
 /// What near means to a level inside that moves, seen from outside: see [`Near::limit`].

@@ -104,6 +104,10 @@ pub(crate) struct Block {
     pub(crate) paths: u64,
     /// Whether one of them holds a primitive in several leaves.
     pub(crate) repeats: bool,
+    /// How many of them hold nothing.
+    pub(crate) empty: u64,
+    /// The layouts of what they place, a bit each: `Layout::bit`.
+    pub(crate) layouts: u8,
     /// Whether one of them moves, or something in it.
     pub(crate) moves: bool,
     /// What their boxes were widened for.

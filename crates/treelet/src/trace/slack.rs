@@ -91,20 +91,18 @@ impl Near {
         object_from_world: &Affine,
         world_from_object: &[[f64; 4]; 3],
     ) -> (f32, f64) {
-        let a = object_from_world.0.map(|row| row.map(f64::from));
-        let [m, n] = [row_sum(&a), row_sum(world_from_object)];
-        let (k, v) = absolute_products(world_from_object, &a);
-        self.widening_of(inner, [m, n, k, v])
+        self.widening_of(inner, norms(object_from_world, world_from_object))
     }
 
     /// The same for a map that moves, of which only bounds are known, on `m`, `n`, `K` and `v` in this order. It is
     /// rounded once more, where a ray enters: by `u (|A| |o| + |b|)` for the origin, `u |A|` for the direction, which is
     /// a quarter and a third of `e1` and `e2`. Twice as much is taken.
-    pub(crate) fn widening_moving(&self, inner: &Slack, [m, n, k, v]: [f64; 4]) -> (f32, f64) {
+    pub(crate) fn widening_moving(&self, inner: &Slack, [m, n, k, v]: Norms) -> (f32, f64) {
         self.widening_of(inner, [m, n, 2.0 * k, 2.0 * v])
     }
 
-    fn widening_of(&self, inner: &Slack, [m, n, k, v]: [f64; 4]) -> (f32, f64) {
+    /// The same, of what is known of a map.
+    pub(crate) fn widening_of(&self, inner: &Slack, [m, n, k, v]: Norms) -> (f32, f64) {
         let Self { reach, coordinate_max } = *self;
 
         let inside = n * inner.accepted_within(m * reach);
@@ -114,6 +112,17 @@ impl Near {
         let by = MARGIN * f64::from(UNIT_ROUNDOFF) * (inside + moving);
         (crate::math::rounding::up(by), far_share)
     }
+}
+
+/// `m`, `n`, `K` and `v` of a map.
+pub(crate) type Norms = [f64; 4];
+
+/// Those of a map that rays go through, and of its exact inverse.
+pub(crate) fn norms(object_from_world: &Affine, world_from_object: &[[f64; 4]; 3]) -> Norms {
+    let a = object_from_world.0.map(|row| row.map(f64::from));
+    let [m, n] = [row_sum(&a), row_sum(world_from_object)];
+    let (k, v) = absolute_products(world_from_object, &a);
+    [m, n, k, v]
 }
 
 /// What is known of a map that moves, `p -> R S p + T` with a rotation `R`, at any time.
@@ -129,7 +138,7 @@ pub(crate) struct Stretch {
 impl Stretch {
     /// Bounds on `m`, `n`, `K` and `v`: row sums are at most the root of 3 times the Euclidean norm; `K <= n m`;
     /// `b = -A T`, so `v <= n m |T|`.
-    pub(crate) fn bounds(&self) -> [f64; 4] {
+    pub(crate) fn bounds(&self) -> Norms {
         let root = libm::sqrt(3.0);
         let [m, n] = [root / self.least, root * self.most];
         [m, n, n * m, n * m * self.far]

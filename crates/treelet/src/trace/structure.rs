@@ -41,6 +41,15 @@ macro_rules! get {
 get! { Wide8: Plain 8 Wide16: Plain 16 Compact: Compact 16 }
 
 impl Layout {
+    /// A bit for each layout.
+    pub(crate) fn bit(&self) -> u8 {
+        match self {
+            Self::Wide8(_) => 1,
+            Self::Wide16(_) => 2,
+            Self::Compact(_) => 4,
+        }
+    }
+
     /// Whether a walk can go from one to the other.
     pub(crate) fn is_as(&self, other: &Self) -> bool {
         core::mem::discriminant(self) == core::mem::discriminant(other)

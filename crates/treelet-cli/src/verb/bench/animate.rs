@@ -27,7 +27,7 @@ const REPEATS: Rounds = Rounds { count: 3, seconds: 0.0 };
 #[derive(Debug, Args)]
 pub(super) struct AnimateFlags {
     /// Play the clip of an animated scene in N frames, and keep up with it in several ways: refitting only,
-    /// rebuilding only, edits under the usual policy. Each frame traces --rays diffuse rays [default: 262144],
+    /// rebuilding only, edits under the usual policy and under that for so many rays. Each frame traces --rays diffuse rays [default: 262144],
     /// the fastest of --rounds times counts [default: 3], on --threads threads.
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = "100")]
     #[arg(conflicts_with_all = [
@@ -71,7 +71,8 @@ pub(super) fn run(flags: &Flags, frames: u64, session: &Session) -> Result<Outco
     let wishes = [
         edits("rebuild only", Policy::Rebuild),
         edits("refit only", Policy::Refit),
-        edits("policy", Policy::Auto),
+        edits("auto", Policy::Auto),
+        edits("rays", Policy::Rays(motion.rays as u64)),
     ];
     let crew = Crew::new(session.threads, plan.clock)?;
     let watcher = Steps::new(session.cancel.clone());
