@@ -420,11 +420,16 @@ fn what_is_wrong_with_a_step_is_named() {
     // Rays without a time, one by one and in slices.
     let scene = build(Scene::builder().mesh(mesh(&cube)), &strict).unwrap();
     let ray = Ray::new([0.3, 0.4, -1.0], [0.0, 0.0, 1.0]);
-    let rays = vec![ray.at_time(f32::NAN); 300];
-    assert!(scene.closest(&ray).is_some() && scene.closest(&rays[0]).is_none());
-    let mut hits = vec![Hit { t: 0.0, ..Hit::MISS }; 300];
+    let mut rays = vec![ray; 512];
+    rays.iter_mut().skip(100).step_by(7).for_each(|ray| ray.time = f32::NAN);
+    assert!(scene.closest(&rays[99]).is_some() && scene.closest(&rays[100]).is_none());
+    let mut hits = vec![Hit { t: 0.0, ..Hit::MISS }; 512];
     scene.closest_many(&rays, &mut hits).unwrap();
-    assert!(hits.iter().all(|hit| *hit == Hit::MISS));
+    let mut found = vec![false; 512];
+    scene.any_many(&rays, &mut found).unwrap();
+    for ((ray, hit), found) in rays.iter().zip(&hits).zip(&found) {
+        assert_eq!((hit.is_hit(), *found), (!ray.time.is_nan(), !ray.time.is_nan()));
+    }
 }
 
 /// Odd numbers of steps, no step at all, nothing in a mesh, everything in one place.

@@ -359,9 +359,11 @@ mod tests {
                 let (base, change) = line(&way, &shares, upper, largest);
                 let delta = (change / length) as f32;
                 for _ in 0..24 {
-                    let passed = random.unit() * (span.end - span.start);
+                    // As walks have it: exact, since the place is rounded before.
+                    let place = span.start + random.unit() * (span.end - span.start);
+                    let passed = place - span.start;
                     let plane = base + passed * delta;
-                    let corner = outer(span.start + passed);
+                    let corner = outer(place);
                     let outside = if upper { plane >= corner } else { plane <= corner };
                     assert!(outside, "{upper} {way:?} {passed}: {plane} {corner}");
                     near += usize::from((plane - corner).abs() <= 1e-5 * largest);

@@ -11,7 +11,8 @@ use core::ops::ControlFlow;
 
 struct All<'a> {
     t_max: f32,
-    hits: &'a mut Vec<Hit>,
+    /// `None` while lent.
+    hits: Option<&'a mut Vec<Hit>>,
 }
 
 impl<'a> Visitor<'a> for All<'_> {
@@ -21,8 +22,15 @@ impl<'a> Visitor<'a> for All<'_> {
         self.t_max
     }
 
+    #[inline(always)]
+    fn lend(&mut self) -> Self {
+        Self { t_max: self.t_max, hits: self.hits.take() }
+    }
+
     fn hit(&mut self, found: Found<'a>) -> ControlFlow<()> {
-        self.hits.push(found.into());
+        if let Some(hits) = &mut self.hits {
+            hits.push(found.into());
+        }
         ControlFlow::Continue(())
     }
 }
@@ -32,7 +40,7 @@ impl<'a, 'h> Question<'a> for All<'h> {
     type Answer = ();
 
     fn begin(ray: &Ray, hits: &'h mut Vec<Hit>) -> Self {
-        Self { t_max: ray.t_max, hits }
+        Self { t_max: ray.t_max, hits: Some(hits) }
     }
 
     fn answer(self) {}

@@ -9,6 +9,7 @@ use crate::trace::structure::Structure;
 use crate::trace::walk::{Found, Visitor};
 use core::ops::{ControlFlow, Range};
 
+#[derive(Clone, Copy)]
 pub(crate) struct Any {
     t_max: f32,
     found: bool,
@@ -20,6 +21,11 @@ impl<'a> Visitor<'a> for Any {
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.t_max
+    }
+
+    #[inline(always)]
+    fn lend(&mut self) -> Self {
+        *self
     }
 
     #[inline(always)]

@@ -11,6 +11,7 @@ use crate::trace::walk::{Found, Visitor};
 use core::ops::{ControlFlow, Range};
 
 /// The answer so far: a miss at the ray's end.
+#[derive(Clone, Copy)]
 pub(crate) struct Closest<'a> {
     t: f32,
     best: Option<Found<'a>>,
@@ -22,6 +23,11 @@ impl<'a> Visitor<'a> for Closest<'a> {
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.t
+    }
+
+    #[inline(always)]
+    fn lend(&mut self) -> Self {
+        *self
     }
 
     #[inline(always)]

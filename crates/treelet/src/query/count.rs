@@ -8,6 +8,7 @@ use crate::trace::walk::{Found, Visitor};
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
 
+#[derive(Clone, Copy)]
 struct Counting {
     t_max: f32,
     hits: u64,
@@ -18,6 +19,11 @@ impl<'a> Visitor<'a> for Counting {
 
     fn t_max(&self) -> f32 {
         self.t_max
+    }
+
+    #[inline(always)]
+    fn lend(&mut self) -> Self {
+        *self
     }
 
     fn hit(&mut self, _: Found<'a>) -> ControlFlow<()> {

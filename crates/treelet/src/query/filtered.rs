@@ -20,6 +20,7 @@ use core::ops::ControlFlow;
 pub(crate) type Filter<'f> = &'f dyn Fn(&Hit) -> bool;
 
 /// The answer so far: a miss at the ray's end.
+#[derive(Clone, Copy)]
 struct Closest<'f> {
     t: f32,
     best: Option<Hit>,
@@ -32,6 +33,11 @@ impl<'a> Visitor<'a> for Closest<'_> {
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.t
+    }
+
+    #[inline(always)]
+    fn lend(&mut self) -> Self {
+        *self
     }
 
     #[inline(always)]
@@ -72,6 +78,7 @@ pub(crate) fn closest(structure: &Structure, ray: &Ray, accept: Filter<'_>) -> O
     ask::<Closest<'_>>(structure, ray, accept)
 }
 
+#[derive(Clone, Copy)]
 struct Any<'f> {
     t_max: f32,
     found: bool,
@@ -84,6 +91,11 @@ impl<'a> Visitor<'a> for Any<'_> {
     #[inline(always)]
     fn t_max(&self) -> f32 {
         self.t_max
+    }
+
+    #[inline(always)]
+    fn lend(&mut self) -> Self {
+        *self
     }
 
     #[inline(always)]

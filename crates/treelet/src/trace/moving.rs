@@ -113,7 +113,7 @@ macro_rules! ways {
 
 ways! { 8 16 }
 
-/// The walk through a mesh that moves; says whether to go on.
+/// The walk through a mesh that moves; gives the visitor back and says whether to go on.
 pub(super) struct MovingLeaf<'a, 'd, V, C> {
     /// The level that the mesh is on.
     pub(super) structure: &'a Structure,
@@ -122,28 +122,29 @@ pub(super) struct MovingLeaf<'a, 'd, V, C> {
     pub(super) prepared: &'d Prepared,
     pub(super) inst: u64,
     pub(super) ray: &'d Ray,
-    pub(super) visitor: &'d mut V,
+    /// Given back.
+    pub(super) visitor: V,
     pub(super) counters: &'d mut C,
 }
 
 impl<'a, V: Visitor<'a>, C: Count> Kernel for MovingLeaf<'a, '_, V, C> {
-    type Output = ControlFlow<()>;
+    type Output = (V, ControlFlow<()>);
 
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) -> ControlFlow<()> {
+    fn run<S: Simd>(self, simd: S) -> Self::Output {
         if self.mesh.mask & self.ray.mask == 0 {
-            return ControlFlow::Continue(());
+            return (self.visitor, ControlFlow::Continue(()));
         }
         let moment = Moment::new(self.ray.time, self.mesh.steps);
         let at = self.mesh.segment(moment);
         match &self.mesh.trees {
             Trees::Wide8(segments) => match segments.get(at).or(segments.last()) {
                 Some(segment) => self.through::<S, 8>(simd, segment, moment),
-                None => ControlFlow::Continue(()),
+                None => (self.visitor, ControlFlow::Continue(())),
             },
             Trees::Wide16(segments) => match segments.get(at).or(segments.last()) {
                 Some(segment) => self.through::<S, 16>(simd, segment, moment),
-                None => ControlFlow::Continue(()),
+                None => (self.visitor, ControlFlow::Continue(())),
             },
         }
     }
@@ -156,11 +157,11 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
         simd: S,
         segment: &Segment<W>,
         moment: Moment,
-    ) -> ControlFlow<()>
+    ) -> (V, ControlFlow<()>)
     where
         for<'w, 's> Way<'w, 's, V::Pending, C, W>: Kernel<Output = Child>,
     {
-        let Self { structure, prepared, inst, ray, visitor, counters, .. } = self;
+        let Self { structure, prepared, inst, ray, mut visitor, counters, .. } = self;
         let passed = moment.place - segment.start;
         let after = moment.step - segment.step.min(moment.step);
 
@@ -181,7 +182,9 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
                 }
             };
             if next == Child::NONE || next == Child::END {
-                let Some(pending) = stack.pop() else { return ControlFlow::Continue(()) };
+                let Some(pending) = stack.pop() else {
+                    return (visitor, ControlFlow::Continue(()));
+                };
                 next = pending.child();
                 continue;
             }
@@ -202,7 +205,9 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
                     continue;
                 }
                 let id = <Plain as Packing<W>>::id(leaf[0], count, lane);
-                visitor.hit(Found { t, u, v, id, inst, structure })?;
+                if visitor.hit(Found { t, u, v, id, inst, structure }).is_break() {
+                    return (visitor, ControlFlow::Break(()));
+                }
             }
             next = pop(visitor.t_max(), &mut stack, counters);
         }

@@ -38,6 +38,12 @@ pub(crate) trait Visitor<'a> {
     /// The greatest `t` that still matters; hits at this very `t` do.
     fn t_max(&self) -> f32;
 
+    /// Moves the visitor into a call out of the loop, which gives it back. (One whose address is known outside is in memory all
+    /// the time: 7.5 % more instructions for closest hits, 8 wide.)
+    fn lend(&mut self) -> Self
+    where
+        Self: Sized;
+
     /// Takes a hit within `t_min ..= t_max()`; says whether to go on.
     fn hit(&mut self, found: Found<'a>) -> ControlFlow<()>;
 }
@@ -85,7 +91,8 @@ pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
 {
     let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
-    walk_from::<K, S, V, C, W>(simd, structure, prepared, wide.root, ray, visitor, counters);
+    let frame = Frame { structure, wide, ray: prepared, inst: 0 };
+    walk_in::<K, S, V, C, W>(simd, frame, wide.root, ray, visitor, counters);
 }
 
 /// [`walk`] through what is below a child of the outermost level.
@@ -106,8 +113,28 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
-    let mut frame = Frame { structure, wide, ray: prepared, inst: 0 };
+    // Slices go through one tree: where there are several, rays go one by one.
+    let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
+    let frame = Frame { structure, wide, ray: prepared, inst: 0 };
+    walk_in::<K, S, V, C, W>(simd, frame, start, ray, visitor, counters);
+}
+
+#[inline(always)]
+fn walk_in<'a, K, S, V, C, const W: usize>(
+    simd: S,
+    mut frame: Frame<'a, K, W>,
+    start: Child,
+    ray: &Ray,
+    visitor: &mut V,
+    counters: &mut C,
+) where
+    K: Packing<W>,
+    S: Wide<W>,
+    Layout: Get<K, W>,
+    for<'d, 's> Descent<'d, 's, K, V::Pending, C, W>: Kernel<Output = Child>,
+    V: Visitor<'a>,
+    C: Count,
+{
     let mut frames = Room::<Frame<'_, K, W>, FRAMES_NEAR>::new();
     let mut frames = Stack::new(&mut frames);
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
@@ -149,10 +176,19 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
             {
                 if let Some(mesh) = frame.structure.moving(id as u32) {
                     let Frame { structure, ray: ref prepared, inst, .. } = frame;
-                    let (visitor, counters) = (&mut *visitor, &mut *counters);
-                    let leaf =
-                        MovingLeaf { structure, mesh, prepared, inst, ray, visitor, counters };
-                    if simd.call(leaf).is_break() {
+                    let (lent, counters) = (visitor.lend(), &mut *counters);
+                    let leaf = MovingLeaf {
+                        structure,
+                        mesh,
+                        prepared,
+                        inst,
+                        ray,
+                        visitor: lent,
+                        counters,
+                    };
+                    let (lent, flow) = simd.call(leaf);
+                    *visitor = lent;
+                    if flow.is_break() {
                         return;
                     }
                     next = pop(visitor.t_max(), &mut stack, counters);
