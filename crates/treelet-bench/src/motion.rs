@@ -90,6 +90,9 @@ fn variants(engine: &dyn Engine) -> Vec<String> {
     }
 }
 
+/// An engine's name, its variant, and what it built: the scene that stands, and the one that moves.
+type Both = (String, String, [Box<dyn Built>; 2]);
+
 /// Measures a scene; engines that know nothing of motion are not asked.
 ///
 /// # Errors
@@ -106,7 +109,7 @@ pub fn moved(
     let source = own::scene(own::default_variant(), still)?;
     let up = subject.up.unwrap_or(1);
     let rays = RaySource::new(&source, up, plan.rays);
-    let mut built: Vec<(String, String, [Box<dyn Built>; 2])> = Vec::new();
+    let mut built: Vec<Both> = Vec::new();
     for engine in engines {
         engine.prepare(1)?;
         for variant in variants(&**engine) {

@@ -137,7 +137,9 @@ fn instances_are_not_cut() {
         })
     };
     for builder in [&EAGER as &dyn Builder, &super::EAGER] {
-        let options = BuildOptions { builder: Some(builder), ..Default::default() };
+        // Nor opened, which is something else.
+        let open_instances = false;
+        let options = BuildOptions { builder: Some(builder), open_instances, ..Default::default() };
         let name = builder.info().name;
         let built = row(Scene::builder()).build(&options).unwrap();
         assert_eq!(built.report().tree.prims, 30, "{name}");
