@@ -238,7 +238,7 @@ impl Scene {
 
 impl Edit {
     /// Hands over a snapshot that is not needed any more, the one before the one that is edited, say: if nobody else has it, a
-    /// refit writes over its memory instead of asking the system for as much again, which is a fifth of the time of a refit.
+    /// refit writes over its memory instead of asking the system for as much again, which is a tenth of the time of a refit.
     pub fn reuse(&mut self, old: Scene) {
         self.spare = Some(old);
     }

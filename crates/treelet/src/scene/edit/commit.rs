@@ -11,7 +11,7 @@ use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::parallel;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{Areas, Content, Step};
+use crate::layout::refit::{Areas, Content};
 use crate::layout::wide::Wide;
 use crate::scene::assemble::Level;
 use crate::scene::builder::{BuildOptions, Placed, SceneBuilder};
@@ -329,7 +329,7 @@ impl Edit {
         } else {
             let moved = Moved { geometries: &geometries, before };
             let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
-            let expect = |ids: &[u32], step: Step| moved.expect(ids, step);
+            let expect = |ids: &[u32]| moved.expect(ids);
             let content = Content { triangles: &fetch, expect: &expect, instance: &single };
             let spare = spare.and_then(|spare| Arc::into_inner(spare.structure));
             sweep(&before.layout, &content, spare, &options.context.cancel)?
@@ -366,7 +366,7 @@ fn standing(scene: &Scene) -> Standing {
     let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
     let single =
         |number: usize| single(&structure.geometries, &structure.instances, structure, number);
-    let expect = |ids: &[u32], step: Step| moved.expect(ids, step);
+    let expect = |ids: &[u32]| moved.expect(ids);
     let content = Content { triangles: &fetch, expect: &expect, instance: &single };
     appraise(&structure.layout, &content)
 }

@@ -5,7 +5,6 @@ use crate::context::parallel;
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::geometry::{Mesh, Shape};
 use crate::layout::lower::Packed;
-use crate::layout::refit::Step;
 use crate::memory::prefetch;
 use crate::simd::f4::F4;
 use crate::trace::structure::{Geometry, Structure};
@@ -21,18 +20,11 @@ pub(super) struct Moved<'a> {
 }
 
 impl Moved<'_> {
-    /// Asks for what is needed soon.
-    pub(super) fn expect(&self, ids: &[u32], step: Step) {
-        let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries else { return };
-        let (positions, triangles) = (mesh.positions(), mesh.triangles());
-        for &id in ids {
-            match step {
-                Step::Numbers => prefetch(triangles, id as usize),
-                Step::Corners => {
-                    let corners = triangles[id as usize];
-                    corners.iter().for_each(|&at| prefetch(positions, at as usize));
-                }
-            }
+    /// Asks for the numbers of corners that are needed soon.
+    pub(super) fn expect(&self, ids: &[u32]) {
+        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
+            let triangles = mesh.triangles();
+            ids.iter().for_each(|&id| prefetch(triangles, id as usize));
         }
     }
 
