@@ -1,6 +1,7 @@
 //! Edits: whatever was changed, and whatever a commit made of it, the scene answers as one that was
 //! built from nothing, bit for bit; and the snapshot before it answers as it did.
 
+use treelet::geometry::Spheres;
 use treelet::scene::{Action, EditError, LayoutChoice, Policy, Reason};
 use treelet::verify::{self, BruteForce, Random};
 use treelet::{Affine, BuildOptions, Hit, Mesh, Ray, Scene, SceneBuilder, build};
@@ -21,12 +22,15 @@ fn options(layout: LayoutChoice) -> BuildOptions<'static> {
 struct Told {
     meshes: Vec<(Mesh, u32)>,
     instances: Vec<(Scene, Affine, u32)>,
+    /// After the meshes.
+    balls: Vec<Spheres>,
 }
 
 impl Told {
     fn build(&self, options: &BuildOptions<'_>) -> Scene {
         let meshes = self.meshes.iter().cloned();
         let scene = meshes.fold(Scene::builder(), |s, (mesh, mask)| s.mesh_masked(mesh, mask));
+        let scene = self.balls.iter().fold(scene, |scene, balls| scene.shape(balls.clone()));
         let instances = self.instances.iter();
         let scene: SceneBuilder = instances
             .fold(scene, |scene, (inner, map, mask)| scene.instance_masked(inner, *map, *mask));
@@ -313,4 +317,81 @@ fn nothing_at_all_can_be_edited() {
     let commit = edit.commit(&options).unwrap();
     assert_eq!(commit.action, Action::Refitted);
     assert!(commit.scene.bounds().is_empty());
+}
+
+/// Instances come and go, a few at a time: the tree takes them in and leaves them out, spheres and parts of opened
+/// instances are numbered after them, and meshes move in between.
+#[test]
+fn a_few_come_and_go() {
+    let mut random = Random::new(SEED);
+    for layout in [LayoutChoice::Wide8, LayoutChoice::Wide16] {
+        let options = options(layout);
+        let object = |shape: &Shape| Scene::builder().mesh(mesh(shape)).build(&options).unwrap();
+        let cube = object(&closed::cube());
+        let rod: Vec<_> = awkward::random_triangles(200, 20.0, 0.3).positions;
+        let rod: Vec<_> = rod.iter().map(|p| [p[0], 0.02 * p[1], 0.02 * p[2]]).collect();
+        let all: Vec<_> = (0..200).map(|prim| [3 * prim, 3 * prim + 1, 3 * prim + 2]).collect();
+        let rod = Scene::builder().mesh(Mesh::new(rod, all)).build(&options).unwrap();
+        let balls = Spheres::new([[0.0, 0.0, 4.0, 1.0], [3.0, 1.0, 0.0, 0.5]]);
+        let mut told = Told { balls: vec![balls.clone()], ..Told::default() };
+        told.meshes.push((mesh(&closed::sphere(9, 5)), u32::MAX));
+        for index in 0..300 {
+            told.instances.push(([&cube, &rod][index % 2].clone(), map(&mut random), u32::MAX));
+        }
+        let among = Scene::builder().shape(balls).instance(&cube, Affine::IDENTITY);
+        let among = among.build(&options).unwrap();
+        told.instances.push((among.clone(), Affine::IDENTITY, u32::MAX));
+        let mut scene = told.build(&options);
+        assert!(scene.report().opened_instances > 0);
+        for step in 0..14 {
+            let mut edit = scene.edit();
+            edit.policy = if step == 9 { Policy::Repair } else { Policy::Refit };
+            let added = 1 + random.below(3);
+            for _ in 0..added {
+                let (new, map) = ([&cube, &rod, &among][step % 3], map(&mut random));
+                assert_eq!(edit.add_instance(new, map), told.instances.len());
+                told.instances.push((new.clone(), map, u32::MAX));
+            }
+            let gone = 20 * step + random.below(20) as usize;
+            edit.remove_instance(gone).unwrap();
+            told.instances[gone].0 = object(&Shape::default());
+            let commit = edit.commit(&options).unwrap();
+            assert_ne!(commit.action, Action::Rebuilt, "{commit}");
+            assert_eq!((commit.parts.added, commit.parts.removed), (added, 1), "{commit}");
+            check(&format!("{layout:?}, step {step}"), &commit.scene, &told, &options, &mut random);
+            scene = commit.scene;
+            if step % 4 == 3 {
+                // All boxes anew, of a tree that others were put into.
+                let size = random.between(0.5, 2.0);
+                let old = told.meshes[0].0.positions();
+                let moved: Vec<_> = old.iter().map(|p| p.map(|x| x * size)).collect();
+                let mut edit = scene.edit();
+                edit.policy = Policy::Refit;
+                edit.set_positions(0, moved.clone()).unwrap();
+                told.meshes[0].0 = told.meshes[0].0.with_positions(moved);
+                let commit = edit.commit(&options).unwrap();
+                assert_eq!(commit.action, Action::Refitted);
+                check("all boxes", &commit.scene, &told, &options, &mut random);
+                scene = commit.scene;
+            }
+        }
+        // The tree is not much worse than a new one.
+        let fresh = told.build(&options);
+        let mut work = [treelet::Counters::default(); 2];
+        for ray in verify::rays(&fresh, 200, SEED) {
+            scene.closest_counted(&ray, &mut work[0]);
+            fresh.closest_counted(&ray, &mut work[1]);
+        }
+        let [grown, fresh] = work.map(|work| work.nodes as f64);
+        assert!(grown < 1.5 * fresh, "{grown} nodes, {fresh} in a new tree");
+        // What was taken out and comes back has no leaf any more.
+        let mut back = scene.edit();
+        back.remove_instance(22).unwrap();
+        let without = back.commit(&options).unwrap().scene;
+        let mut back = without.edit();
+        back.set_scene(22, &cube).unwrap();
+        back.policy = Policy::Refit;
+        let back = back.commit(&options).unwrap();
+        assert_eq!((back.action, back.reason), (Action::Rebuilt, Reason::Different));
+    }
 }

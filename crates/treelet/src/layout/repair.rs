@@ -104,6 +104,10 @@ fn cut<const W: usize>(wide: &Wide<W>, parts: &[Part], prices: &[f32]) -> Cut {
         let node = &wide.nodes[at];
         for slot in 0..used(&node.children) {
             let (child, bounds) = (node.children[slot], <Plain as Packing<W>>::bounds(node, slot));
+            // An instance that went.
+            if bounds.is_empty() {
+                continue;
+            }
             match child.kind() {
                 ChildKind::Inner { node: below } => {
                     let part = parts[below];

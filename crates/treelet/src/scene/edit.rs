@@ -92,8 +92,10 @@ pub enum Reason {
     Asked,
     /// The same triangles and instances are in the tree, and it is good enough, or mending it would not have paid yet.
     Same,
-    /// A mesh has more or fewer triangles, an instance became or ceased to be empty, or something
-    /// was added.
+    /// A few instances came or went, which the tree took in or left out.
+    Few,
+    /// A mesh or a shape has more or fewer primitives, came or went; so did many instances, or one was given something that had held
+    /// nothing.
     Different,
     /// A triangle is not fit for a scene, or one that was not was left out.
     Unfit,
@@ -109,6 +111,7 @@ impl core::fmt::Display for Reason {
             Self::Unchanged => "nothing changed",
             Self::Asked => "as asked",
             Self::Same => "the same triangles and instances, in boxes that are still good enough",
+            Self::Few => "few instances came or went",
             Self::Different => "other triangles or instances than before",
             Self::Unfit => "triangles that are, or were, not fit for a scene",
             Self::Moving => "a mesh that moves with time",
@@ -117,13 +120,17 @@ impl core::fmt::Display for Reason {
     }
 }
 
-/// What became of the parts of a tree that was repaired; zero for any other.
+/// What became of the parts of a tree that was refitted or repaired; zero for any other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Parts {
     /// Subtrees and instances that stayed as they were, under a new tree.
     pub kept: u64,
     /// Triangles that were taken out of decayed subtrees, and built over one by one.
     pub loose: u64,
+    /// Instances that were put into the tree as it is.
+    pub added: u64,
+    /// Instances that were taken out of it.
+    pub removed: u64,
 }
 
 /// A new snapshot, and what was done for it.
@@ -148,7 +155,10 @@ pub struct Commit {
 impl core::fmt::Display for Commit {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         write!(f, "{}: {}", self.action, self.reason)?;
-        let Parts { kept, loose } = self.parts;
+        let Parts { kept, loose, added, removed } = self.parts;
+        if added + removed > 0 {
+            write!(f, ", {added} added and {removed} removed")?;
+        }
         match self.action {
             Action::Repaired => write!(
                 f,

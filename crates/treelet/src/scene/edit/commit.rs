@@ -11,11 +11,11 @@ use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::parallel;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{Areas, Content};
+use crate::layout::refit::{Areas, Came, Content};
 use crate::layout::wide::Wide;
 use crate::scene::assemble::Level;
 use crate::scene::builder::{BuildOptions, Placed, SceneBuilder};
-use crate::scene::place::{Part, Placements, place_instances};
+use crate::scene::place::{self, Part, Placements, place_instances};
 use crate::scene::report::BuildReport;
 use crate::scene::upkeep::{Standing, Upkeep};
 use crate::scene::{Quality, Scene, SceneError, assemble};
@@ -34,6 +34,8 @@ struct Followed {
     around_meshes: Option<Aabb>,
     mended: Mended,
     standing: Standing,
+    /// What came and went.
+    parts: Parts,
 }
 
 /// A scene whose tree stayed.
@@ -136,7 +138,8 @@ impl Edit {
         options: &BuildOptions<'_>,
     ) -> Result<Result<Done, Worn>, SceneError> {
         let decay = followed.decay();
-        let mut done = (Action::Refitted, Reason::Same, decay, Parts::default());
+        let reason = if followed.parts == Parts::default() { Reason::Same } else { Reason::Few };
+        let mut done = (Action::Refitted, reason, decay, followed.parts);
         match ledger.next(self.policy, decay) {
             Next::Nothing => {}
             Next::Rebuild => return Ok(Err(Worn { decay, areas: followed.mended.areas() })),
@@ -151,7 +154,8 @@ impl Edit {
                     followed.standing.prices = Arc::new(repair.prices);
                     let decay = followed.decay();
                     ledger.repaired(watch.elapsed().as_secs_f64(), done.2, decay);
-                    let parts = Parts { kept: repair.kept as u64, loose: repair.loose as u64 };
+                    let (kept, loose) = (repair.kept as u64, repair.loose as u64);
+                    let parts = Parts { kept, loose, ..followed.parts };
                     done = (Action::Repaired, Reason::Decayed, decay, parts);
                 } else {
                     ledger.beyond_repair(decay);
@@ -180,7 +184,7 @@ impl Edit {
         options: &BuildOptions<'_>,
     ) -> Result<Scene, SceneError> {
         let before = &*self.before.structure;
-        let Followed { geometries, placements, around_meshes, mended, mut standing } = followed;
+        let Followed { geometries, placements, around_meshes, mended, mut standing, .. } = followed;
         standing.areas = mended.areas();
         let bounds = mended.bounds();
         let (layout, cover, triangles) = mended.finish(&options.context.cancel)?;
@@ -227,23 +231,34 @@ impl Edit {
     fn parts(&self) -> Vec<Part> {
         let blocks = self.before.structure.instances.blocks.iter().enumerate();
         let part = |(index, block): (usize, &Arc<Block>)| {
+            // What was added fills the last block.
             let first = index * BLOCK;
-            let mut changes = self.instances.range(first..first + block.items.len()).peekable();
+            let mut changes = self.instances.range(first..first + BLOCK).peekable();
             if changes.peek().is_none() {
                 return Part::Kept(Arc::clone(block));
             }
             let mut placed: Vec<_> = block.items.iter().map(Placed::again).collect();
-            changes.for_each(|(at, change)| placed[at - first] = change.clone());
+            for (at, change) in changes {
+                match placed.get_mut(at - first) {
+                    Some(placed) => *placed = change.clone(),
+                    None => placed.push(change.clone()),
+                }
+            }
             Part::New(placed)
         };
-        blocks.map(part).collect()
+        let mut parts: Vec<_> = blocks.map(part).collect();
+        let added = self.instances.range(parts.len() * BLOCK..);
+        parts.extend(place::parts(added.map(|(_, placed)| placed.clone()).collect()));
+        parts
     }
 
     /// Whether primitives are elsewhere; or why the tree
     /// cannot stay.
     fn reshaped(&self) -> Result<bool, Reason> {
         let before = &self.before.structure;
-        if self.counts != [before.geometries.len(), before.instances.len()] {
+        // To the first instances of all, there is no tree of instances.
+        let more = self.counts[1] > before.instances.len();
+        if self.counts[0] != before.geometries.len() || (more && before.instances.is_empty()) {
             return Err(Reason::Different);
         }
         let moves = |it: &Geometry| it.mesh().is_some_and(|mesh| mesh.is_moving());
@@ -300,16 +315,23 @@ impl Edit {
             return Ok(Err(Reason::Different));
         };
         placements.instances = instances;
-        let moved = match moved(&before.instances, &placements.instances, &before.layout)? {
+        let changes = match changes(&before.instances, &placements.instances, &before.layout)? {
             Err(reason) => return Ok(Err(reason)),
-            Ok(moved) => moved,
+            Ok(changes) => changes,
         };
+        let Changes { moved, came, gone } = &changes;
+        let same = came.is_empty() && *gone == 0 && self.counts[1] == before.instances.len();
 
         // Mend the boxes: all of them, or those that few instances are in.
         let single = |number: usize| single(&geometries, &placements.instances, before, number);
         let known = self.before.upkeep.standing.clone();
         let standing = known.unwrap_or_else(|| standing(&self.before));
-        let few = !reshaped && moved.len() < before.instances.len() / 8 + 2;
+        // A tree of one leaf has no node to put another one into.
+        if !came.is_empty() && !before.layout.root().is_inner() {
+            return Ok(Err(Reason::Different));
+        }
+        // Only the way up from single ones takes some in, or leaves some out.
+        let few = !reshaped && (!same || moved.len() < before.instances.len() / 8 + 2);
         let touched = if few {
             let of = |number: usize| placements.instances.entry(number).0;
             let moved = |number: usize| {
@@ -319,11 +341,19 @@ impl Edit {
                 &before.layout,
                 (before.bounds, standing.areas, &standing.triangles),
                 moved,
+                &Came {
+                    from: before.instances.len(),
+                    numbers: self.counts[1] - before.instances.len(),
+                    placed: came,
+                },
                 single,
             )?
         } else {
             None
         };
+        if touched.is_none() && !same {
+            return Ok(Err(Reason::Different));
+        }
         let mended = if touched.is_some() {
             touched
         } else {
@@ -339,7 +369,11 @@ impl Edit {
             placements = place_instances(Vec::new(), mended.bounds(), options, &mut report)?;
         }
         let around_meshes = (!alone).then_some(around_meshes);
-        Ok(Ok(Followed { geometries, placements, around_meshes, mended, standing }))
+        let parts = Parts { added: came.len() as u64, removed: *gone, ..Parts::default() };
+        let mut followed =
+            Followed { geometries, placements, around_meshes, mended, standing, parts };
+        followed.standing.prices = followed.mended.prices(&followed.standing.prices);
+        Ok(Ok(followed))
     }
 }
 
@@ -371,34 +405,54 @@ fn standing(scene: &Scene) -> Standing {
     appraise(&structure.layout, &content)
 }
 
-/// Which instances may have another box, or other boxes of parts, in rising order; or why the tree cannot stay.
-fn moved(
+/// What became of the instances of a level.
+#[derive(Default)]
+struct Changes {
+    /// May have another box, or other boxes of parts, in rising order.
+    moved: Vec<usize>,
+    /// Were not there before, and are somewhere.
+    came: Vec<usize>,
+    /// How many of those that moved are nowhere now.
+    gone: u64,
+}
+
+/// What became of the instances; or why the tree cannot stay.
+fn changes(
     before: &Instances,
     after: &Instances,
     layout: &Layout,
-) -> Result<Result<Vec<usize>, Reason>, SceneError> {
-    let mut moved = Vec::new();
-    for (index, (old, new)) in before.blocks.iter().zip(&after.blocks).enumerate() {
-        if Arc::ptr_eq(old, new) {
+) -> Result<Result<Changes, Reason>, SceneError> {
+    let mut changes = Changes::default();
+    for (index, new) in after.blocks.iter().enumerate() {
+        let old = before.blocks.get(index);
+        if old.is_some_and(|old| Arc::ptr_eq(old, new)) {
             continue;
         }
-        let wider = old.near != new.near;
-        for (at, (old, new)) in old.items.iter().zip(&new.items).enumerate() {
+        let wider = old.is_some_and(|old| old.near != new.near);
+        for (at, new) in new.items.iter().enumerate() {
             let instance = index * BLOCK + at;
             if !new.structure.layout.is_as(layout) {
                 return Err(SceneError::MixedLayouts { instance });
             }
-            let [was, is] = [old.bounds(), new.bounds()];
-            if was.is_empty() != is.is_empty() {
-                return Ok(Err(Reason::Different));
+            let is = new.bounds();
+            let Some(old) = old.and_then(|old| old.items.get(at)) else {
+                changes.came.extend((!is.is_empty()).then_some(instance));
+                continue;
+            };
+            let was = old.bounds();
+            match (was.is_empty(), is.is_empty()) {
+                // It has no leaf.
+                (true, false) => return Ok(Err(Reason::Different)),
+                (false, true) => changes.gone += 1,
+                _ => {}
             }
             // Boxes of parts may be elsewhere where that of the whole is not.
             if was != is || wider || old.columns != new.columns {
-                moved.push(instance);
+                changes.moved.push(instance);
             }
         }
     }
-    Ok(Ok(moved))
+    Ok(Ok(changes))
 }
 
 /// A scene of nothing that can be placed into this one.

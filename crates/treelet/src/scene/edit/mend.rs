@@ -5,7 +5,7 @@ use crate::build::BuildError;
 use crate::context::Cancel;
 use crate::layout::compact::pack::pack;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{self, Areas, Content, Part, Refitted, refit};
+use crate::layout::refit::{self, Areas, Came, Content, Part, Refitted, refit};
 use crate::layout::repair::{Repaired, repair};
 use crate::layout::wide::Wide;
 use crate::scene::SceneError;
@@ -66,6 +66,16 @@ impl Mended {
         Ok((layout, cover, triangles))
     }
 
+    /// What each node cost when it was built; those that came since cost what they cost now.
+    pub(super) fn prices(&self, built: &Arc<Vec<f32>>) -> Arc<Vec<f32>> {
+        if each!(self, it => it.wide.nodes.len()) == built.len() {
+            return Arc::clone(built);
+        }
+        let parts = each!(self, it => refit::survey(&it.wide, &it.triangles));
+        let more = parts.iter().skip(built.len()).map(Part::price);
+        Arc::new(built.iter().copied().chain(more).collect())
+    }
+
     /// See [`repair`].
     pub(super) fn repair(
         &self,
@@ -119,11 +129,16 @@ pub(super) fn touched(
     layout: &Layout,
     tree: (Aabb, Areas, &[f32]),
     moved: impl Fn(usize) -> bool,
+    came: &Came<'_>,
     instance: impl Fn(usize) -> Aabb,
 ) -> Result<Option<Mended>, BuildError> {
     Ok(match layout {
-        Layout::Wide8(wide) => Some(Mended::Wide8(refit::touch(wide, tree, moved, instance)?)),
-        Layout::Wide16(wide) => Some(Mended::Wide16(refit::touch(wide, tree, moved, instance)?)),
+        Layout::Wide8(wide) => {
+            Some(Mended::Wide8(refit::touch(wide, tree, moved, came, instance)?))
+        }
+        Layout::Wide16(wide) => {
+            Some(Mended::Wide16(refit::touch(wide, tree, moved, came, instance)?))
+        }
         Layout::Compact(_) => None,
     })
 }
