@@ -104,7 +104,16 @@ pub(super) fn run(flags: &Flags, frames: u64, session: &Session) -> Result<Outco
             say(&format!("{} written", plot.path().display()));
         }
         let (clip, threads) = (called, crew.threads());
-        clips.push(Played { scene: name, clip, seconds, triangles, instances, threads, sums, play });
+        clips.push(Played {
+            scene: name,
+            clip,
+            seconds,
+            triangles,
+            instances,
+            threads,
+            sums,
+            play,
+        });
     }
     Outcome::new("bench", &Report { clips }, Ending::Done)
 }

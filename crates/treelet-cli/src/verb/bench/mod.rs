@@ -57,7 +57,9 @@ pub(crate) fn run(flags: Flags, session: &Session) -> Result<Outcome, Failure> {
         return figure::run(&flags, session);
     }
     if flags.figure.plot.is_some() {
-        return Err(Failure::Usage("--plot: a picture is of a figure or a clip; add --figure or --animate".into()));
+        return Err(Failure::Usage(
+            "--plot: a picture is of a figure or a clip; add --figure or --animate".into(),
+        ));
     }
     if flags.page.report.is_some() {
         return Err(Failure::Usage("--report: the page is of a figure; add --figure".into()));

@@ -24,7 +24,8 @@ struct Report {
 /// Measures scene after scene, then the propeller.
 pub(super) fn run(speed: f32, flags: &Flags, session: &Session) -> Result<Outcome, Failure> {
     let base = plan(flags, session, USUAL.0, USUAL.1);
-    let plan = Plan { kinds: base.kinds, rays: base.rays, rounds: base.rounds.count, clock: base.clock };
+    let plan =
+        Plan { kinds: base.kinds, rays: base.rays, rounds: base.rounds.count, clock: base.clock };
     let (mut engines, missing) = engines(flags);
     missing.iter().for_each(|it| warn(&format!("{} is left out: {}", it.name, it.reason)));
     let crew = Crew::new(1, base.clock).map_err(Failure::from)?;

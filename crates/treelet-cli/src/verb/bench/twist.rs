@@ -68,13 +68,15 @@ pub(super) fn run(flags: &Flags, frames: u64, session: &Session) -> Result<Outco
         edits("rays", Policy::Rays(motion.rays as u64)),
         edits("repair", Policy::Repair),
     ];
-    let crew = Crew::new(session.threads, plan.clock).map_err(|error| Failure::told(error.to_string()))?;
+    let crew =
+        Crew::new(session.threads, plan.clock).map_err(|error| Failure::told(error.to_string()))?;
     let watcher = Steps::new(session.cancel.clone());
     let mut clips = Vec::new();
     for scene in &flags.scenes {
         let subject = subject(scene, flags, session)?;
         let told = |play: &Play, frame| say(&animate::frame_line(play, frame));
-        let play = animate::play(&subject, &motion, &wishes, &crew, &watcher, told).map_err(failure)?;
+        let play =
+            animate::play(&subject, &motion, &wishes, &crew, &watcher, told).map_err(failure)?;
         watcher.clear();
         let sums = animate::sums(&play);
         let triangles = subject.triangles.len();
