@@ -5,6 +5,7 @@
 //! instances are the same ones, the tree is kept and its boxes follow (`layout/refit/`), or what has decayed of it is built anew (`layout/repair.rs`); all of it is built
 //! anew where that is not so, or where the boxes have grown so much that it pays.
 
+mod changes;
 mod commit;
 mod fetch;
 mod ledger;
