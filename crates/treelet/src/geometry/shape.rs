@@ -1,7 +1,7 @@
 //! What a scene holds under one `geom`: a triangle mesh, or primitives of another kind.
 //!
 //! Triangles are what walks are made for: packed side by side, tested four at a time. Every other kind is
-//! a leaf of its own and tested out of line, one primitive a call, by [`Shape::meet`]: the same function that brute
+//! a leaf of its own and tested out of line, one primitive a call, by `Shape::meet`: the same function that brute
 //! force asks.
 //!
 //! # The culling lemma
