@@ -6,7 +6,7 @@ use treelet::BuildOptions;
 use treelet::scene::Action;
 use treelet_model::{Changes, Model, PlacedModel, Updated};
 
-use super::{AnimateError, Clip, Frame, Motion, Play, Way, Wish, compare, word};
+use super::{AnimateError, Clip, Frame, Motion, Play, Way, Wish, compare};
 use crate::crew::Crew;
 use crate::rays::{self, Kind, RaySource};
 use crate::run::Watcher;
@@ -106,5 +106,5 @@ fn did(updated: &Updated) -> &'static str {
     let mut done = to_objects
         .iter()
         .filter(|(action, count)| *count > 0 || updated.placements == Some(*action));
-    word(done.next().map_or(Action::Kept, |(action, _)| *action))
+    done.next().map_or(Action::Kept, |(action, _)| *action).name()
 }

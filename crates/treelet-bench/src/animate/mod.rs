@@ -18,4 +18,4 @@ pub use compare::{AnimateError, Clip, Frame, Moment, Play, RaysOf, Way, WayError
 pub use plot::svg;
 pub use readers::{Load, Reading, read};
 pub use sum::{Sum, frame_line, sum_line, sums};
-pub use synthetic::{Motion, Wish, play, word};
+pub use synthetic::{Motion, Wish, play};

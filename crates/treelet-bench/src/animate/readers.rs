@@ -198,7 +198,7 @@ fn commit(
                 error: Box::new(error),
             })?;
             let milliseconds = 1e3 * commit.time.as_secs_f64();
-            committed.push((milliseconds, super::synthetic::word(commit.action)));
+            committed.push((milliseconds, commit.action.name()));
             scene = commit.scene;
             let newest = Arc::new((pose, scene.clone()));
             *slot.lock().unwrap_or_else(PoisonError::into_inner) = newest;

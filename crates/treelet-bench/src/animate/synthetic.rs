@@ -3,7 +3,7 @@
 use std::sync::{Mutex, PoisonError};
 
 use treelet::memory::Array;
-use treelet::scene::{Action, Policy};
+use treelet::scene::Policy;
 use treelet::{BuildOptions, Mesh, Scene, SceneError};
 
 use super::motion::Moving;
@@ -31,16 +31,6 @@ pub enum Wish {
     Fresh,
     /// Edits under a policy.
     Edits(Policy),
-}
-
-/// What an action is called.
-pub fn word(action: Action) -> &'static str {
-    match action {
-        Action::Kept => "kept",
-        Action::Refitted => "refitted",
-        Action::Repaired => "repaired",
-        Action::Rebuilt => "rebuilt",
-    }
 }
 
 /// Moves a mesh, and keeps up with it in every way that is wished for.
@@ -112,5 +102,5 @@ fn advance(
     // The scene has that one mesh.
     let _ = edit.set_positions(0, positions);
     let commit = edit.commit(&options)?;
-    Ok(Frame { did: word(commit.action), scene: commit.scene })
+    Ok(Frame { did: commit.action.name(), scene: commit.scene })
 }

@@ -73,14 +73,21 @@ pub enum Action {
     Rebuilt,
 }
 
-impl core::fmt::Display for Action {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
+impl Action {
+    /// What became of the tree, in a word.
+    pub fn name(self) -> &'static str {
+        match self {
             Self::Kept => "kept",
             Self::Refitted => "refitted",
             Self::Repaired => "repaired",
             Self::Rebuilt => "rebuilt",
-        })
+        }
+    }
+}
+
+impl core::fmt::Display for Action {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(self.name())
     }
 }
 

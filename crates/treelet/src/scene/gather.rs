@@ -187,23 +187,13 @@ pub(super) fn add_triangles(
     for (chunk, Checked { kept, bounds, degenerate, skipped, .. }) in
         checked.into_iter().enumerate()
     {
-        if let (Invalid::Error, Some((geom, prim, defect))) =
-            (options.invalid, skipped.first_triangle)
-        {
-            return Err(SceneError::Triangle { geom, prim, defect });
-        }
+        tell(report, degenerate, skipped, options)?;
         let begin = before + chunk * CHUNK;
         if end < begin {
             prims.bounds.copy_within(begin..begin + kept, end);
         }
         end += kept;
         prims.around = prims.around.union(&bounds);
-        report.degenerate += degenerate;
-        let sum = &mut report.skipped;
-        sum.triangles += skipped.triangles;
-        sum.index_out_of_range += skipped.index_out_of_range;
-        sum.bad_vertex += skipped.bad_vertex;
-        sum.first_triangle = sum.first_triangle.or(skipped.first_triangle);
     }
     prims.triangles = end;
     Ok(())
@@ -347,6 +337,26 @@ fn are_near([a, b, c]: &[F4; 3]) -> bool {
     const TOO_FAR: f32 = COORDINATE_MAX.next_up();
     let near = |p: &F4| p.abs().less_bits(F4::splat(TOO_FAR));
     near(a) & near(b) & near(c) & XYZ == XYZ
+}
+
+/// Adds what was found of some triangles to the report; or stops at the first that is no good, where the caller chose so.
+pub(super) fn tell(
+    report: &mut BuildReport,
+    degenerate: u64,
+    skipped: Skipped,
+    options: &BuildOptions<'_>,
+) -> Result<(), SceneError> {
+    if let (Invalid::Error, Some((geom, prim, defect))) = (options.invalid, skipped.first_triangle)
+    {
+        return Err(SceneError::Triangle { geom, prim, defect });
+    }
+    report.degenerate += degenerate;
+    let sum = &mut report.skipped;
+    sum.triangles += skipped.triangles;
+    sum.index_out_of_range += skipped.index_out_of_range;
+    sum.bad_vertex += skipped.bad_vertex;
+    sum.first_triangle = sum.first_triangle.or(skipped.first_triangle);
+    Ok(())
 }
 
 #[cold]

@@ -18,8 +18,8 @@
 //!
 //! Cost: all trees that are tried, which are less than twice those that are kept, or eight times where none gain.
 
-use super::builder::{BuildOptions, Invalid};
-use super::gather::skip;
+use super::builder::BuildOptions;
+use super::gather::{skip, tell};
 use super::report::{BuildReport, Skipped};
 use super::{Plan, SceneError};
 use crate::bounds::Aabb;
@@ -119,19 +119,9 @@ fn check(
     for chunk in chunks {
         let chunk: Result<Checked, Cancelled> = chunk;
         let Checked { which, bounds, degenerate, skipped } = chunk?;
-        if let (Invalid::Error, Some((geom, prim, defect))) =
-            (options.invalid, skipped.first_triangle)
-        {
-            return Err(SceneError::Triangle { geom, prim, defect });
-        }
+        tell(report, degenerate, skipped, options)?;
         all.which.extend(which);
         all.bounds = all.bounds.union(&bounds);
-        report.degenerate += degenerate;
-        let sum = &mut report.skipped;
-        sum.triangles += skipped.triangles;
-        sum.index_out_of_range += skipped.index_out_of_range;
-        sum.bad_vertex += skipped.bad_vertex;
-        sum.first_triangle = sum.first_triangle.or(skipped.first_triangle);
     }
     all.bounds = widened_way(&all.bounds);
     report.triangles += all.which.len() as u64;
