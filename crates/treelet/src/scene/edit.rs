@@ -2,7 +2,7 @@
 //!
 //! The old snapshot goes on answering; whoever traces it is never waited for and never waits. What a
 //! commit does to the tree does not show in answers, only in their price: where the triangles and
-//! instances are the same ones, the tree is kept and its boxes follow (`layout/refit/`), or what has decayed of it is built anew (`layout/repair.rs`); all of it is built
+//! instances are the same ones but for a few instances, the tree is kept and its boxes follow (`layout/refit/`), or what has decayed of it is built anew (`layout/repair.rs`); all of it is built
 //! anew where that is not so, or where the boxes have grown so much that it pays.
 
 mod changes;
