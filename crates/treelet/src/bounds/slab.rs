@@ -82,15 +82,17 @@ impl SlabRay {
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
         let lanes = |[x, y, z]: [f32; 3]| Floats::load(Scalar, &[x, y, z, z]);
         let slack = Floats::splat(Scalar, slack);
-        Self::of_lanes(Scalar, lanes(origin), lanes(direction), slack)
+        let direction: <Scalar as Simd>::F4 = lanes(direction);
+        let reciprocal = <Scalar as Simd>::F4::splat(Scalar, 1.0).div(direction);
+        Self::of_lanes(Scalar, lanes(origin), (direction, reciprocal), slack)
     }
 
-    /// The same of vectors; `slack` in every lane.
+    /// The same of vectors, and of `1 / direction` as it is; `slack` in every lane.
     #[inline(always)]
     pub(crate) fn of_lanes<S: Simd>(
         simd: S,
         origin: S::F4,
-        direction: S::F4,
+        (direction, reciprocal): (S::F4, S::F4),
         slack: S::F4,
     ) -> Self {
         let splat = |x: f32| S::F4::splat(simd, x);
@@ -98,7 +100,6 @@ impl SlabRay {
         // even for a slack below the origin's own precision.
         let ulp = origin.abs().mul(splat(WIDER * f32::EPSILON));
         let by = slack.mul(splat(WIDER)).add(splat(f32::MIN_POSITIVE)).add(ulp);
-        let reciprocal = splat(1.0).div(direction);
         let reciprocal = splat(f32::MAX).min(splat(f32::MIN).max(reciprocal));
         Self {
             sides: [origin.add(by).lanes(), origin.sub(by).lanes()],
