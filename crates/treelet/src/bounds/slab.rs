@@ -77,6 +77,10 @@ pub struct SlabRay {
 }
 
 impl SlabRay {
+    /// No ray yet.
+    pub(crate) const BLANK: Self =
+        Self { sides: [[0.0; 4]; 2], reciprocal: [0.0; 4], backward: 0 };
+
     /// Prepares `origin + t * direction` for boxes that count as wider by at least `slack >= 0`
     /// on every side.
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {

@@ -183,6 +183,15 @@ pub(crate) fn longest_axis(direction: [f32; 3]) -> usize {
 }
 
 impl TriangleRay {
+    /// No ray yet.
+    pub(crate) const BLANK: Self = Self {
+        axes: [0; 3],
+        origin: [0.0; 4],
+        shear: [0.0; 4],
+        reciprocal_z: 0.0,
+        ordinary: false,
+    };
+
     /// Prepares a ray whose direction is finite and not zero.
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {

@@ -16,10 +16,13 @@ pub(crate) struct Levels<T, const N: usize> {
 }
 
 impl<T: Copy, const N: usize> Levels<T, N> {
-    /// Nothing at any depth.
+    /// A value at depth 0 only.
     #[inline(always)]
-    pub(crate) fn new() -> Self {
-        Self { near: [const { MaybeUninit::uninit() }; N], known: 0, far: Vec::new() }
+    pub(crate) fn new(outermost: T) -> Self {
+        const { assert!(N > 0) }
+        let mut near = [const { MaybeUninit::uninit() }; N];
+        near[0].write(outermost);
+        Self { near, known: 1, far: Vec::new() }
     }
 
     /// What is there.
@@ -33,37 +36,51 @@ impl<T: Copy, const N: usize> Levels<T, N> {
         }
     }
 
-    /// What is there, to be changed.
+    /// What is there and at the next depth, to be changed where they are: to make a value elsewhere and copy
+    /// it is to wait until it has been written. If nothing is at the next depth yet, `blank` comes there.
     #[inline(always)]
-    pub(crate) fn get_mut(&mut self, depth: usize) -> Option<&mut T> {
-        if depth < N {
+    pub(crate) fn pair(
+        &mut self,
+        depth: usize,
+        blank: impl FnOnce(&T) -> T,
+    ) -> Option<(&mut T, &mut T)> {
+        if depth + 1 >= N {
+            return self.far_pair(depth, blank);
+        }
+        let [first, second, ..] = self.near.get_mut(depth..)? else { return None };
+        if depth >= self.known {
+            return None;
+        }
+        // SAFETY: those below `known` are initialised.
+        let first = unsafe { first.assume_init_mut() };
+        if depth + 1 == self.known {
+            second.write(blank(first));
+            self.known += 1;
+        }
+        // SAFETY: as above.
+        Some((first, unsafe { second.assume_init_mut() }))
+    }
+
+    /// The same where the second one at least is on the heap.
+    #[cold]
+    #[inline(never)]
+    fn far_pair(
+        &mut self,
+        depth: usize,
+        blank: impl FnOnce(&T) -> T,
+    ) -> Option<(&mut T, &mut T)> {
+        let at = depth + 1 - N;
+        if at == self.far.len() {
+            let blank = blank(self.get(depth)?);
+            self.far.push(blank);
+        }
+        let (before, second) = self.far.split_at_mut_checked(at)?;
+        let first = match before.last_mut() {
             // SAFETY: as above.
-            (depth < self.known).then(|| unsafe { self.near[depth].assume_init_mut() })
-        } else {
-            self.far.get_mut(depth - N)
-        }
-    }
-
-    /// Puts a value at a depth that has one, or at the first that has none.
-    #[inline(always)]
-    pub(crate) fn set(&mut self, depth: usize, item: T) {
-        debug_assert!(depth <= self.known + self.far.len());
-        if depth < N {
-            self.near[depth].write(item);
-            self.known = if self.known > depth { self.known } else { depth + 1 };
-        } else {
-            set_far(&mut self.far, depth - N, item);
-        }
-    }
-}
-
-/// The same among the deeper ones.
-#[cold]
-#[inline(never)]
-fn set_far<T>(far: &mut Vec<T>, at: usize, item: T) {
-    match far.get_mut(at) {
-        Some(place) => *place = item,
-        None => far.push(item),
+            None => (depth < self.known).then(|| unsafe { self.near[depth].assume_init_mut() })?,
+            Some(first) => first,
+        };
+        Some((first, second.first_mut()?))
     }
 }
 
@@ -73,17 +90,21 @@ mod tests {
 
     #[test]
     fn each_depth_keeps_what_was_set_last() {
-        let mut levels = Levels::<u32, 2>::new();
-        assert_eq!((levels.get(0), levels.get(2)), (None, None));
-        for depth in [0, 1, 2, 3, 4] {
-            levels.set(depth, 10 * depth as u32);
+        let mut levels = Levels::<u32, 2>::new(1);
+        assert_eq!((levels.get(0), levels.get(1), levels.get(2)), (Some(&1), None, None));
+        assert_eq!(levels.pair(1, |_| 7), None);
+        for depth in [0, 1, 2, 3] {
+            let (at, next) = levels.pair(depth, |at| 10 * at).unwrap();
+            assert_eq!(*next, 10 * *at);
         }
-        levels.set(1, 11);
-        levels.set(3, 31);
+        // What is there stays.
+        for depth in [2, 0, 3, 1] {
+            let (at, next) = levels.pair(depth, |_| 0).unwrap();
+            *at += 1;
+            *next += 2;
+        }
         let all: [_; 6] = core::array::from_fn(|depth| levels.get(depth).copied());
-        assert_eq!(all, [Some(0), Some(11), Some(20), Some(31), Some(40), None]);
-        *levels.get_mut(1).unwrap() += 1;
-        *levels.get_mut(4).unwrap() += 1;
-        assert_eq!((levels.get(1), levels.get(4)), (Some(&12), Some(&41)));
+        assert_eq!(all, [Some(2), Some(13), Some(103), Some(1003), Some(10_002), None]);
+        assert_eq!(levels.pair(5, |_| 7), None);
     }
 }

@@ -8,7 +8,7 @@ use super::counters::Count;
 use super::placements::Instance;
 use super::prepared::Prepared;
 use super::structure::{Get, Layout};
-use super::walk::{FRAMES_NEAR, Frame};
+use super::walk::{FRAMES_NEAR, Frame, NOBODY};
 use crate::bounds::Interval;
 use crate::layout::packing::Packing;
 use crate::layout::wide::Child;
@@ -44,35 +44,36 @@ where
         number: usize,
         counters: Self::D,
     ) -> Child {
-        let Some(outer) = levels.get(depth) else { return Child::NONE };
+        let blank =
+            |&outer: &Frame<'a, K, W>| Frame { ray: Prepared::BLANK, entered: NOBODY, ..outer };
+        let Some((outer, inner)) = levels.pair(depth, blank) else { return Child::NONE };
         let (at, start) = outer.structure.instances.entry(number);
         // Parts of one instance often come one after the other.
-        if outer.entered == at
-            && let Some(inner) = levels.get(depth + 1)
-        {
+        if outer.entered == at {
             return start.unwrap_or(inner.wide.root);
         }
         let instance = outer.structure.instances.at(at);
         if instance.mask & ray.mask == 0 {
             return Child::NONE;
         }
-        let Some(prepared) = enter(simd, &outer.ray, instance, ray, t_max) else {
+        outer.entered = NOBODY;
+        if !enter(simd, &outer.ray, instance, ray, t_max, &mut inner.ray) {
             return Child::NONE;
-        };
+        }
         let structure = &*instance.structure;
         // Building refuses instances of another layout.
         let Some(wide) = structure.layout_at(ray.time).get() else { return Child::NONE };
         counters.instance();
-        let inst = outer.inst + instance.rank;
-        levels.set(depth + 1, Frame { structure, wide, ray: prepared, inst, entered: usize::MAX });
-        if let Some(outer) = levels.get_mut(depth) {
-            outer.entered = at;
-        }
+        inner.structure = structure;
+        inner.wide = wide;
+        inner.inst = outer.inst + instance.rank;
+        inner.entered = NOBODY;
+        outer.entered = at;
         start.unwrap_or(wide.root)
     }
 }
 
-/// The ray inside an instance; `None` if it has no business there.
+/// Makes `inside` the ray inside an instance; says whether it has business there.
 #[inline(always)]
 fn enter<S: Simd>(
     simd: S,
@@ -80,25 +81,30 @@ fn enter<S: Simd>(
     instance: &Instance,
     ray: &Ray,
     t_max: f32,
-) -> Option<Prepared> {
+    inside: &mut Prepared,
+) -> bool {
     let structure = &*instance.structure;
-    let Some(motion) = &instance.motion else {
-        let mut inside = outside.enter(simd, &instance.columns, structure)?;
-        // Nodes asked for the box. What it clamps, where anything may be clamped, is
-        // derived in `trace/slack.rs` to be nothing here.
-        let clamps = !(outside.triangle.is_ordinary() & inside.triangle.is_ordinary());
-        if clamps | !structure.flat {
-            inside.clip = clip(simd, outside, &instance.corners, ray, t_max)?;
-        }
-        return Some(inside);
-    };
-    let clip = clip(simd, outside, &motion.corners(ray.time), ray, t_max)?;
-    let mut inside = outside.enter(simd, &motion.columns(ray.time)?, structure)?;
+    if let Some(motion) = &instance.motion {
+        let clip = clip(simd, outside, &motion.corners(ray.time), ray, t_max);
+        let (Some(clip), Some(columns)) = (clip, motion.columns(ray.time)) else { return false };
+        let entered = outside.enter(simd, &columns, structure, inside);
+        inside.clip = clip;
+        return entered;
+    }
+    if !outside.enter(simd, &instance.columns, structure, inside) {
+        return false;
+    }
+    // Nodes asked for the box. What it clamps, where nothing but triangles may be clamped, is
+    // derived in `trace/slack.rs` to be nothing.
+    if structure.flat & outside.triangle.is_ordinary() & inside.triangle.is_ordinary() {
+        return true;
+    }
+    let Some(clip) = clip(simd, outside, &instance.corners, ray, t_max) else { return false };
     inside.clip = clip;
-    Some(inside)
+    true
 }
 
-/// Where the box of an instance, and those outside it, allow a hit.
+/// Where the box of an instance, and those outside it, allow a hit; `None` if nowhere that matters.
 #[inline(always)]
 fn clip<S: Simd>(
     simd: S,

@@ -21,6 +21,15 @@ pub(crate) struct Prepared {
 }
 
 impl Prepared {
+    /// No ray yet.
+    pub(crate) const BLANK: Self = Self {
+        origin: [0.0; 4],
+        direction: [0.0; 4],
+        slab: SlabRay::BLANK,
+        triangle: TriangleRay::BLANK,
+        clip: Interval::ALL,
+    };
+
     /// The ray on the outermost level; `None` if it is not valid.
     #[inline(always)]
     pub(crate) fn new<S: Simd>(simd: S, ray: &Ray, structure: &Structure) -> Option<Self> {
@@ -29,16 +38,17 @@ impl Prepared {
         ordered.then_some(prepared)
     }
 
-    /// The ray as the inside of an instance sees it, with the same `t`, allowed to hit anywhere.
+    /// Makes `inside` the ray as the inside of an instance sees it, with the same `t`, allowed to hit anywhere.
     ///
-    /// `None` if its direction leaves the range in which rays are answered (see [`Ray::is_valid`]).
+    /// Says whether its direction stays in the range in which rays are answered (see [`Ray::is_valid`]).
     #[inline(always)]
     pub(crate) fn enter<S: Simd>(
         &self,
         simd: S,
         columns: &Columns,
         structure: &Structure,
-    ) -> Option<Self> {
+        inside: &mut Self,
+    ) -> bool {
         // As `Affine::point` and `Affine::vector` write it, a row a lane.
         let column = |at: usize| S::F4::load(simd, &columns[at]);
         let splat = |x: f32| S::F4::splat(simd, x);
@@ -46,7 +56,7 @@ impl Prepared {
         let through =
             |[x, y, z, _]: [f32; 4]| a.mul(splat(x)).add(b.mul(splat(y))).add(c.mul(splat(z)));
         let origin = through(self.origin).add(column(3));
-        Self::of_lanes(simd, origin, through(self.direction), structure)
+        inside.set(simd, origin, through(self.direction), structure)
     }
 
     /// This ray, of which `ray` is what it was outside, for primitives that are no triangles.
@@ -74,17 +84,13 @@ impl Prepared {
     ) -> Option<Self> {
         let o = S::F4::load(simd, &[origin[0], origin[1], origin[2], 0.0]).xyzz();
         let d = S::F4::load(simd, &[direction[0], direction[1], direction[2], 0.0]).xyzz();
-        Self::of_lanes(simd, o, d, structure)
+        let mut prepared = Self::BLANK;
+        prepared.set(simd, o, d, structure).then_some(prepared)
     }
 
-    /// The same of lanes `x, y, z, z`.
+    /// The same of lanes `x, y, z, z`, put where it stays.
     #[inline(always)]
-    fn of_lanes<S: Simd>(
-        simd: S,
-        o: S::F4,
-        d: S::F4,
-        structure: &Structure,
-    ) -> Option<Self> {
+    fn set<S: Simd>(&mut self, simd: S, o: S::F4, d: S::F4, structure: &Structure) -> bool {
         let usual = within(
             simd,
             o,
@@ -92,20 +98,20 @@ impl Prepared {
             [Ordinary::COORDINATE_MAX, Ordinary::LENGTH_MIN, Ordinary::LENGTH_MAX],
         );
         if !usual && !within(simd, o, d, [f32::MAX, ray::SHORTEST, ray::LONGEST]) {
-            return None;
+            return false;
         }
         let [lo, hi] = &structure.reach_lanes;
         let to_lo = S::F4::load(simd, lo).sub(o).abs();
         let to_hi = S::F4::load(simd, hi).sub(o).abs();
         let slack = structure.slack.at(simd, to_lo.max(to_hi).max_lane());
         let along = (d, S::F4::splat(simd, 1.0).div(d));
-        Some(Self {
-            origin: o.lanes(),
-            direction: d.lanes(),
-            slab: SlabRay::of_lanes(simd, o, along, slack),
-            triangle: TriangleRay::of_lanes(simd, o, along).ordinary(usual & structure.ordinary),
-            clip: Interval::ALL,
-        })
+        let triangle = TriangleRay::of_lanes(simd, o, along);
+        self.origin = o.lanes();
+        self.direction = d.lanes();
+        self.slab = SlabRay::of_lanes(simd, o, along, slack);
+        self.triangle = triangle.ordinary(usual & structure.ordinary);
+        self.clip = Interval::ALL;
+        true
     }
 }
 

@@ -69,9 +69,12 @@ pub(super) struct Frame<'a, K: Packing<W>, const W: usize> {
     pub(super) ray: Prepared,
     /// Rank of the path to this level.
     pub(super) inst: u64,
-    /// The instance whose inside stands at the next depth, if one does.
+    /// The instance whose inside stands at the next depth; [`NOBODY`] if none does.
     pub(super) entered: usize,
 }
+
+/// See [`Frame::entered`].
+pub(super) const NOBODY: usize = usize::MAX;
 
 /// Levels that need no allocation.
 pub(super) const FRAMES_NEAR: usize = 3;
@@ -94,7 +97,7 @@ pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
 {
     let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
-    let frame = Frame { structure, wide, ray: prepared, inst: 0, entered: usize::MAX };
+    let frame = Frame { structure, wide, ray: prepared, inst: 0, entered: NOBODY };
     walk_in::<K, S, V, C, W>(simd, frame, wide.root, ray, visitor, counters);
 }
 
@@ -118,7 +121,7 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
 {
     // Slices go through one tree: where there are several, rays go one by one.
     let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
-    let frame = Frame { structure, wide, ray: prepared, inst: 0, entered: usize::MAX };
+    let frame = Frame { structure, wide, ray: prepared, inst: 0, entered: NOBODY };
     walk_in::<K, S, V, C, W>(simd, frame, start, ray, visitor, counters);
 }
 
@@ -138,8 +141,7 @@ fn walk_in<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let mut levels = Levels::<Frame<'_, K, W>, FRAMES_NEAR>::new();
-    levels.set(0, frame);
+    let mut levels = Levels::<Frame<'_, K, W>, FRAMES_NEAR>::new(frame);
     let mut depth = 0;
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);

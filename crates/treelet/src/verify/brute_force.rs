@@ -105,9 +105,11 @@ impl<'a> BruteForce<'a> {
                     Some(motion) => motion.columns(ray.time),
                 };
                 let Some(columns) = columns else { continue };
-                let Some(mut entered) = prepared.enter(Scalar, &columns, inner) else { continue };
-                entered.clip = clip;
-                open.push((inner, entered, inst + instance.rank));
+                let mut entered = Prepared::BLANK;
+                if prepared.enter(Scalar, &columns, inner, &mut entered) {
+                    entered.clip = clip;
+                    open.push((inner, entered, inst + instance.rank));
+                }
             }
         }
         hits.sort_unstable_by(Hit::cmp_along_ray);
