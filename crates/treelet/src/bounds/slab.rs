@@ -78,8 +78,7 @@ pub struct SlabRay {
 
 impl SlabRay {
     /// No ray yet.
-    pub(crate) const BLANK: Self =
-        Self { sides: [[0.0; 4]; 2], reciprocal: [0.0; 4], backward: 0 };
+    pub(crate) const BLANK: Self = Self { sides: [[0.0; 4]; 2], reciprocal: [0.0; 4], backward: 0 };
 
     /// Prepares `origin + t * direction` for boxes that count as wider by at least `slack >= 0`
     /// on every side.

@@ -64,11 +64,7 @@ impl<T: Copy, const N: usize> Levels<T, N> {
     /// The same where the second one at least is on the heap.
     #[cold]
     #[inline(never)]
-    fn far_pair(
-        &mut self,
-        depth: usize,
-        blank: impl FnOnce(&T) -> T,
-    ) -> Option<(&mut T, &mut T)> {
+    fn far_pair(&mut self, depth: usize, blank: impl FnOnce(&T) -> T) -> Option<(&mut T, &mut T)> {
         let at = depth + 1 - N;
         if at == self.far.len() {
             let blank = blank(self.get(depth)?);

@@ -3,6 +3,11 @@
 //! What was tried here, on a courtyard of 49,847 instances, 1.5 to 5 of them entered by a ray: to ask for the record of the
 //! instance that waits on top of the stack, and for the lines of the node inside before the ray is transformed. Neither is
 //! worth 3 %, but for random rays without opened instances (6 % for the record).
+//!
+//! What counts is waiting. A ray prepared in registers and copied to its level waits until the parts have left
+//! the store buffer: written where it stays instead, rays of a camera take 102 ns in place of 118, shadow rays 77 in place of 89.
+//! Keeping the last level entered for the next part of the same instance, testing a leaf without going a level down, and
+//! asking for clamps only where they may do something took them from 177 and 134 ns to 118 and 89.
 
 use super::counters::Count;
 use super::placements::Instance;
@@ -83,38 +88,28 @@ fn enter<S: Simd>(
     t_max: f32,
     inside: &mut Prepared,
 ) -> bool {
+    let moved;
+    let (columns, corners) = match &instance.motion {
+        None => (&instance.columns, &instance.corners),
+        Some(motion) => {
+            let Some(columns) = motion.columns(ray.time) else { return false };
+            moved = (columns, motion.corners(ray.time));
+            (&moved.0, &moved.1)
+        }
+    };
     let structure = &*instance.structure;
-    if let Some(motion) = &instance.motion {
-        let clip = clip(simd, outside, &motion.corners(ray.time), ray, t_max);
-        let (Some(clip), Some(columns)) = (clip, motion.columns(ray.time)) else { return false };
-        let entered = outside.enter(simd, &columns, structure, inside);
-        inside.clip = clip;
-        return entered;
-    }
-    if !outside.enter(simd, &instance.columns, structure, inside) {
+    if !outside.enter(simd, columns, structure, inside) {
         return false;
     }
-    // Nodes asked for the box. What it clamps, where nothing but triangles may be clamped, is
+
+    // Nodes asked for the box, but for one that moves. What it clamps, where nothing but triangles may be clamped, is
     // derived in `trace/slack.rs` to be nothing.
-    if structure.flat & outside.triangle.is_ordinary() & inside.triangle.is_ordinary() {
+    let ordinary = outside.triangle.is_ordinary() & inside.triangle.is_ordinary();
+    if structure.flat & ordinary & instance.motion.is_none() {
         return true;
     }
-    let Some(clip) = clip(simd, outside, &instance.corners, ray, t_max) else { return false };
-    inside.clip = clip;
-    true
-}
-
-/// Where the box of an instance, and those outside it, allow a hit; `None` if nowhere that matters.
-#[inline(always)]
-fn clip<S: Simd>(
-    simd: S,
-    outside: &Prepared,
-    corners: &[[f32; 4]; 2],
-    ray: &Ray,
-    t_max: f32,
-) -> Option<Interval> {
-    let inside = outside.slab.interval_of_lanes(simd, corners);
-    let clip = inside.intersection(&outside.clip);
-    let is_met = !clip.is_empty() && clip.entry <= t_max && clip.exit >= ray.t_min;
-    is_met.then_some(clip)
+    let within = outside.slab.interval_of_lanes(simd, corners);
+    inside.clip = within.intersection(&outside.clip);
+    let Interval { entry, exit } = inside.clip;
+    entry <= exit && entry <= t_max && ray.t_min <= exit
 }

@@ -24,6 +24,11 @@
 //!
 //! - Maps that move (`trace::motion`) have bounds on `m`, `n`, `K` and `v` instead, over all times: see [`Stretch`].
 //!
+//! So a hit inside lies, seen from outside, in the widened box of the instance, and the level's own `16 u R` is there
+//! for what the slab test of that box rounds: the interval of the box admits every `t` that is accepted inside. Clamping `t` into
+//! it changes nothing where the terms hold as they stand (`Ordinary` in [`crate::geometry::triangle`], inside and outside); walks
+//! skip it there, brute force never does.
+//!
 //! # Where the widening goes
 //!
 //! The sum grows with `R(o)`, by a factor `n m` that an uneven scaling makes large: 1000 for a board

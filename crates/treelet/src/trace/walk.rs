@@ -204,7 +204,8 @@ fn walk_in<'a, K, S, V, C, const W: usize>(
                 {
                     // Nothing to come back from.
                     counters.leaf(count);
-                    if triangles::<K, S, V, W>(simd, inner, (first, count), ray, visitor).is_break() {
+                    if triangles::<K, S, V, W>(simd, inner, (first, count), ray, visitor).is_break()
+                    {
                         return;
                     }
                     next = pop(visitor.t_max(), &mut stack, counters);
