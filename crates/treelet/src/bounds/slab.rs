@@ -147,24 +147,6 @@ impl SlabRay {
         self.reciprocal[axis]
     }
 
-    /// [`SlabRay::interval`] of a box whose corners are given as lanes.
-    #[inline(always)]
-    pub(crate) fn interval_of_lanes<S: Simd>(&self, simd: S, corners: &[[f32; 4]; 2]) -> Interval {
-        let load = |lanes: &[f32; 4]| S::F4::load(simd, lanes);
-        let reciprocal = load(&self.reciprocal);
-        let lower = load(&corners[0]).sub(load(&self.sides[0])).mul(reciprocal).lanes();
-        let upper = load(&corners[1]).sub(load(&self.sides[1])).mul(reciprocal).lanes();
-        let mut inside = Interval::ALL;
-        for axis in 0..3 {
-            let (lower, upper) = (lower[axis], upper[axis]);
-            let backward = self.backward(axis) == 1;
-            let (entry, exit) = if backward { (upper, lower) } else { (lower, upper) };
-            inside.entry = if entry > inside.entry { entry } else { inside.entry };
-            inside.exit = if exit < inside.exit { exit } else { inside.exit };
-        }
-        inside
-    }
-
     /// Where the ray is in the widened box.
     #[inline(always)]
     pub fn interval(&self, bounds: &Aabb) -> Interval {

@@ -7,7 +7,9 @@
 //! What counts is waiting. A ray prepared in registers and copied to its level waits until the parts have left
 //! the store buffer: written where it stays instead, rays of a camera take 102 ns in place of 118, shadow rays 77 in place of 89.
 //! Keeping the last level entered for the next part of the same instance, testing a leaf without going a level down, and
-//! asking for clamps only where they may do something took them from 177 and 134 ns to 118 and 89.
+//! asking for clamps only where they may do something took them from 177 and 134 ns to 118 and 89. What made no
+//! difference: what a ray reads of a level in three cache lines instead of five; planes measured from near and far origins, so that
+//! the way into a level need not ask the direction first; no compress instruction for children that are alone.
 
 use super::counters::Count;
 use super::placements::Instance;
@@ -89,12 +91,12 @@ fn enter<S: Simd>(
     inside: &mut Prepared,
 ) -> bool {
     let moved;
-    let (columns, corners) = match &instance.motion {
-        None => (&instance.columns, &instance.corners),
+    let columns = match &instance.motion {
+        None => &instance.columns,
         Some(motion) => {
             let Some(columns) = motion.columns(ray.time) else { return false };
-            moved = (columns, motion.corners(ray.time));
-            (&moved.0, &moved.1)
+            moved = columns;
+            &moved
         }
     };
     let structure = &*instance.structure;
@@ -108,8 +110,17 @@ fn enter<S: Simd>(
     if structure.flat & ordinary & instance.motion.is_none() {
         return true;
     }
-    let within = outside.slab.interval_of_lanes(simd, corners);
-    inside.clip = within.intersection(&outside.clip);
+    inside.clip = clip(outside, instance, ray.time);
     let Interval { entry, exit } = inside.clip;
     entry <= exit && entry <= t_max && ray.t_min <= exit
+}
+
+/// Where the box of an instance, and those outside it, allow a hit. Out of line: it is rarely asked.
+#[inline(never)]
+fn clip(outside: &Prepared, instance: &Instance, time: f32) -> Interval {
+    let bounds = match &instance.motion {
+        None => instance.bounds(),
+        Some(motion) => motion.bounds(time),
+    };
+    outside.slab.interval(&bounds).intersection(&outside.clip)
 }
