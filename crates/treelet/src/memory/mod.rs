@@ -100,7 +100,9 @@ pub(crate) fn try_reserve<T>(
     what: &'static str,
 ) -> Result<(), OutOfMemory> {
     let bytes = (more as u64).saturating_mul(size_of::<T>() as u64);
-    items.try_reserve(more).map_err(|_| OutOfMemory { bytes, what })
+    items.try_reserve(more).map_err(|_| OutOfMemory { bytes, what })?;
+    pages::prefer_huge(items.spare_capacity_mut());
+    Ok(())
 }
 
 /// `len` copies of `item`, or an error instead of an abort.

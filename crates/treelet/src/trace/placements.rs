@@ -8,6 +8,7 @@ use crate::layout::wide::Child;
 use crate::math::{Affine, affine};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 /// Instances of a block; all blocks but the last are full.
 ///
@@ -118,6 +119,11 @@ impl Block {
     pub(crate) fn first_rank(&self) -> Option<u64> {
         self.items.first().map(|instance| instance.rank)
     }
+
+    /// Whether it is as it is to be where rays are `near`, and ranks begin at `rank`.
+    pub(crate) fn stays(&self, near: Near, rank: u64) -> bool {
+        self.near == near && self.first_rank() == Some(rank)
+    }
 }
 
 /// What a leaf holds in place of an instance that was opened: what is below one child of its tree.
@@ -223,6 +229,13 @@ impl Instances {
         }
     }
 
+    /// The numbers that stand for an instance: its own, or if it is opened those of its parts.
+    pub(crate) fn numbers(&self, instance: usize) -> Range<usize> {
+        let place = |at: usize| self.parts.partition_point(|it| (it.instance as usize) < at);
+        let (first, end) = (place(instance), place(instance + 1));
+        if first == end { instance..instance + 1 } else { self.len + first..self.len + end }
+    }
+
     /// The box of what a number stands for, in this level's space.
     pub(crate) fn bounds(&self, number: usize) -> Aabb {
         let Some(part) = number.checked_sub(self.len) else { return self.at(number).bounds() };
@@ -265,7 +278,12 @@ impl Instances {
     /// What is placed by instances that no other snapshot shares.
     pub(crate) fn into_structures(self, structures: &mut Vec<Arc<Structure>>) {
         for block in self.blocks.into_iter().filter_map(Arc::into_inner) {
-            structures.extend(block.items.into_iter().map(|instance| instance.structure));
+            for Instance { structure, .. } in block.items {
+                // Of many of one kind, the first is enough to hold it.
+                if structures.last().is_none_or(|last| !Arc::ptr_eq(last, &structure)) {
+                    structures.push(structure);
+                }
+            }
         }
     }
 }
