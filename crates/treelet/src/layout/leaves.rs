@@ -49,7 +49,7 @@ pub(crate) fn split_leaves(
     // Cut them, each chunk into a room of its own.
     let before = tree.nodes.len();
     memory::try_reserve(&mut tree.nodes, more, "leaves that are cut")?;
-    tree.nodes.resize(before + more, Node::leaf(Aabb::EMPTY, 0, 1));
+    parallel::extend(&mut tree.nodes, more, Node::leaf(Aabb::EMPTY, 0, 1));
     let (nodes, mut rest) = tree.nodes.split_at_mut(before);
     let mut jobs = Vec::with_capacity(found.len());
     let mut base = before;

@@ -98,6 +98,7 @@ impl Affine {
     }
 
     /// The map back in f64, by Cramer's rule; `None` if singular or not finite.
+    #[inline]
     pub(crate) fn inverse_f64(&self) -> Option<[[f64; 4]; 3]> {
         let mut m = [[0.0_f64; 4]; 3];
         for (&[a, b, c, d], row) in self.0.iter().zip(&mut m) {
@@ -123,7 +124,7 @@ impl Affine {
             rows[row][3] = -(a * m[0][3] + b * m[1][3] + c * m[2][3]);
         }
         // Rank is judged relative to the rows' own sizes: scale 1e-15 is small, not singular.
-        let length = |[a, b, c, _]: [f64; 4]| a.abs().max(b.abs()).max(c.abs());
+        let length = |[a, b, c, _]: [f64; 4]| larger(larger(a.abs(), b.abs()), c.abs());
         let size = length(m[0]) * length(m[1]) * length(m[2]);
         let regular = det.abs() > size * RANK_EPSILON;
         let mut finite = true;
@@ -149,6 +150,12 @@ impl Affine {
         }
         finite
     }
+}
+
+/// One instruction, where `f64::max` asks both whether they are numbers.
+#[inline(always)]
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
 }
 
 /// A determinant below this share of the product of its rows' sizes counts as zero. f64 computes

@@ -9,6 +9,7 @@ pub(crate) use pages::{Pages, Zeroed, zeroed};
 pub(crate) use prefetch::prefetch;
 pub(crate) use stack::{Room, Stack};
 
+use crate::context::parallel;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
@@ -106,12 +107,12 @@ pub(crate) fn try_reserve<T>(
 }
 
 /// `len` copies of `item`, or an error instead of an abort.
-pub(crate) fn try_filled<T: Clone>(
+pub(crate) fn try_filled<T: Clone + Send + Sync>(
     item: T,
     len: usize,
     what: &'static str,
 ) -> Result<Vec<T>, OutOfMemory> {
     let mut items = try_with_capacity(len, what)?;
-    items.resize(len, item);
+    parallel::extend(&mut items, len, item);
     Ok(items)
 }

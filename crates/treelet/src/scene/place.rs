@@ -3,10 +3,11 @@
 use super::builder::{BuildOptions, Crowd, Draft, Invalid, Placed};
 use super::report::BuildReport;
 use super::{InstanceDefect, SceneError, travel};
-use crate::bounds::{Aabb, Cover};
+use crate::bounds::Aabb;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::math::Affine;
+use crate::math::affine::larger;
 use crate::memory;
 use crate::trace::motion::Motion;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
@@ -135,9 +136,9 @@ enum Located {
 
 impl Located {
     fn new(draft: Draft) -> Self {
-        let Draft { items, steps } = draft;
+        let Draft { mut items, steps } = draft;
         let mut block = Block {
-            items,
+            items: Vec::new(),
             reach: Aabb::EMPTY,
             limit: f64::INFINITY,
             far_share: 0.0,
@@ -149,37 +150,24 @@ impl Located {
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
-        let mut all_norms = Vec::with_capacity(block.items.len());
+        let mut all_norms = Vec::with_capacity(items.len());
         let mut steps = steps.into_iter().peekable();
-        for (at, instance) in block.items.iter_mut().enumerate() {
+        for (at, instance) in items.iter_mut().enumerate() {
             let inner = &*instance.structure;
             let located = match steps.next_if(|(of, _)| *of == at) {
                 None => locate(inner, &instance.world_from_object),
                 Some((_, steps)) => travel::locate(inner, &steps),
             };
-            let place = located.unwrap_or_else(|defect| {
-                defects.push((at, defect));
-                Place::NOWHERE
-            });
-            let Place { object_from_world, bounds, reach, norms, motion } = place;
-            all_norms.push(slack::rounded(norms));
-            if !bounds.is_empty() {
-                let limit = match &motion {
-                    None => Near::limit(&inner.slack, &object_from_world),
-                    Some(motion) => travel::limit(&inner.slack, motion),
-                };
-                block.limit = block.limit.min(limit);
+            // Written twice, so that a place need not be moved to where the two ways meet.
+            match located {
+                Ok(place) => all_norms.push(block.put(instance, place)),
+                Err(defect) => {
+                    defects.push((at, defect));
+                    all_norms.push(block.put(instance, Place::NOWHERE));
+                }
             }
-            block.reach = block.reach.union(&reach);
-            block.paths = block.paths.saturating_add(inner.paths);
-            block.repeats |= inner.repeats;
-            block.empty += u64::from(inner.bounds.is_empty());
-            block.layouts |= inner.layout.bit();
-            block.moves |= inner.moves | motion.is_some();
-            instance.columns = Instance::columns(&object_from_world);
-            instance.corners = Instance::corners(&bounds);
-            instance.motion = motion;
         }
+        block.items = items;
         Self::New { block, all_norms, defects }
     }
 
@@ -229,6 +217,32 @@ impl Located {
     }
 }
 
+impl Block {
+    /// Writes down where an instance of the block is; returns what its box is to be widened by.
+    #[inline(always)]
+    fn put(&mut self, instance: &mut Instance, place: Place) -> [f32; 4] {
+        let Place { object_from_world, bounds, reach, norms, motion } = place;
+        let inner = &*instance.structure;
+        if !bounds.is_empty() {
+            let limit = match &motion {
+                None => Near::limit(&inner.slack, &object_from_world),
+                Some(motion) => travel::limit(&inner.slack, motion),
+            };
+            self.limit = self.limit.min(limit);
+        }
+        self.reach = self.reach.union(&reach);
+        self.paths = self.paths.saturating_add(inner.paths);
+        self.repeats |= inner.repeats;
+        self.empty += u64::from(inner.bounds.is_empty());
+        self.layouts |= inner.layout.bit();
+        self.moves |= inner.moves | motion.is_some();
+        instance.columns = Instance::columns(&object_from_world);
+        instance.corners = Instance::corners(&bounds);
+        instance.motion = motion;
+        slack::rounded(norms)
+    }
+}
+
 /// Counts instances that cannot be used as nowhere, where the caller chose so.
 fn report_defects(
     block: usize,
@@ -269,7 +283,7 @@ impl Place {
     };
 }
 
-#[inline]
+#[inline(always)]
 fn locate(inner: &Structure, world_from_object: &Affine) -> Result<Place, InstanceDefect> {
     let rows = world_from_object.0;
     if !world_from_object.is_finite() {
@@ -283,57 +297,68 @@ fn locate(inner: &Structure, world_from_object: &Affine) -> Result<Place, Instan
     if !is_faithful(&exact, world_from_object) {
         return Err(singular);
     }
-    if largest_f32(&object_from_world) > SCALE_MAX || largest(&exact) > SCALE_MAX {
+    if is_extreme(&object_from_world, &exact) {
         return Err(InstanceDefect::Scale { rows });
     }
     if inner.bounds.is_empty() {
         return Ok(Place { object_from_world, ..Place::NOWHERE });
     }
-    let norms = slack::norms(&object_from_world, &exact);
-    let is_one = matches!(inner.cover.boxes(), [only] if *only == inner.reach);
-    let boxed = |image: &dyn Fn(&Cover) -> Option<Aabb>| {
-        let whole = image(&inner.reach_cover)?;
-        let bounds = if is_one { whole } else { image(&inner.cover)? };
-        Some((bounds, whole.union(&bounds)))
+    let (bounds, reach) = match boxes(inner, &exact) {
+        Some(boxes) if is_near(&boxes.1) => boxes,
+        _ => boxes_f64(inner, &exact),
     };
-    let (bounds, reach) = boxed(&|cover| cover.image(&exact))
-        .filter(|(_, reach)| is_near(reach))
-        .or_else(|| boxed(&|cover| Some(cover.image_f64(&exact))))
-        .unwrap_or((Aabb::EMPTY, Aabb::EMPTY));
-    let Aabb { lo, hi } = reach;
-    let place = Place { object_from_world, bounds, reach, norms, motion: None };
-    if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
+    if !is_near(&reach) {
+        let Aabb { lo, hi } = reach;
+        return Err(InstanceDefect::TooFar { lo, hi });
+    }
+    let norms = slack::norms(&object_from_world, &exact);
+    Ok(Place { object_from_world, bounds, reach, norms, motion: None })
+}
+
+/// The boxes around what is inside, and around its reach; `None` where f32 cannot say.
+#[inline(always)]
+fn boxes(inner: &Structure, map: &[[f64; 4]; 3]) -> Option<(Aabb, Aabb)> {
+    let whole = inner.reach_cover.image(map)?;
+    let bounds = match inner.cover.boxes() {
+        [only] if *only == inner.reach => whole,
+        _ => inner.cover.image(map)?,
+    };
+    Some((bounds, whole.union(&bounds)))
+}
+
+/// The same in f64.
+#[cold]
+#[inline(never)]
+fn boxes_f64(inner: &Structure, map: &[[f64; 4]; 3]) -> (Aabb, Aabb) {
+    let bounds = inner.cover.image_f64(map);
+    (bounds, inner.reach_cover.image_f64(map).union(&bounds))
 }
 
 /// Whether the linear part that rays see is the caller's, to three digits.
 fn is_faithful(exact: &[[f64; 4]; 3], given: &Affine) -> bool {
     let mut faithful = true;
     for (&[a, b, c, _], &[x, y, z, _]) in exact.iter().zip(&given.0) {
-        let largest = f64::from(x.abs().max(y.abs()).max(z.abs()));
+        let largest = larger(larger(f64::from(x.abs()), f64::from(y.abs())), f64::from(z.abs()));
         let near = |exact: f64, given: f32| (exact - f64::from(given)).abs() <= FIDELITY * largest;
         faithful &= near(a, x) & near(b, y) & near(c, z);
     }
     faithful
 }
 
-/// The largest entry of the linear part.
-fn largest(map: &[[f64; 4]; 3]) -> f64 {
-    let mut largest = 0.0_f64;
-    for [a, b, c, _] in map {
-        largest = largest.max(a.abs()).max(b.abs()).max(c.abs());
+/// Whether one of the linear parts has an entry beyond [`SCALE_MAX`].
+#[inline(always)]
+fn is_extreme(there: &Affine, back: &[[f64; 4]; 3]) -> bool {
+    let mut extreme = false;
+    for (&[a, b, c, _], &[x, y, z, _]) in there.0.iter().zip(back) {
+        let there = |entry: f32| f64::from(entry.abs()) > SCALE_MAX;
+        let back = |entry: f64| entry.abs() > SCALE_MAX;
+        extreme |= there(a) | there(b) | there(c) | back(x) | back(y) | back(z);
     }
-    largest
-}
-
-/// The same of a map in f32.
-fn largest_f32(map: &Affine) -> f64 {
-    let mut largest = 0.0_f32;
-    for [a, b, c, _] in &map.0 {
-        largest = largest.max(a.abs()).max(b.abs()).max(c.abs());
-    }
-    f64::from(largest)
+    extreme
 }
 
 pub(super) fn is_near(bounds: &Aabb) -> bool {
-    bounds.lo.iter().chain(&bounds.hi).all(|x| x.abs() <= COORDINATE_MAX)
+    let near = |x: f32| x.abs() <= COORDINATE_MAX;
+    let (lo, hi) = (bounds.lo, bounds.hi);
+    near(lo[0]) & near(lo[1]) & near(lo[2]) & near(hi[0]) & near(hi[1]) & near(hi[2])
 }

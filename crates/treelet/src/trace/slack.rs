@@ -38,6 +38,7 @@
 
 use crate::bounds::Aabb;
 use crate::geometry::triangle::{SLACK, UNIT_ROUNDOFF};
+use crate::math::affine::larger;
 use crate::math::{Affine, vec3};
 use crate::simd::{Floats, Simd};
 
@@ -138,13 +139,13 @@ pub(crate) fn norms(object_from_world: &Affine, world_from_object: &[[f64; 4]; 3
         *sum = f64::from(a.abs()) + f64::from(b.abs()) + f64::from(c.abs());
         *offset = f64::from(d.abs());
     }
-    let m = sums[0].max(sums[1]).max(sums[2]);
+    let m = larger(larger(sums[0], sums[1]), sums[2]);
     let (mut n, mut k, mut v) = (0.0_f64, 0.0_f64, 0.0_f64);
     for &[a, b, c, _] in world_from_object {
         let (a, b, c) = (a.abs(), b.abs(), c.abs());
-        n = n.max(a + b + c);
-        k = k.max(a * sums[0] + b * sums[1] + c * sums[2]);
-        v = v.max(a * offsets[0] + b * offsets[1] + c * offsets[2]);
+        n = larger(n, a + b + c);
+        k = larger(k, a * sums[0] + b * sums[1] + c * sums[2]);
+        v = larger(v, a * offsets[0] + b * offsets[1] + c * offsets[2]);
     }
     [m, n, k, v]
 }
