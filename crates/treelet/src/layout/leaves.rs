@@ -32,7 +32,7 @@ pub(crate) fn split_leaves(
             let prims = &tree.prims[first..first + count];
             let of_triangles = triangles_in(prims, triangles);
             found.leaves += leaves(of_triangles) + (count - of_triangles) - 1;
-            if of_triangles % count != 0 {
+            if !of_triangles.is_multiple_of(count) {
                 found.mixed.push(first..first + count);
             }
         }
@@ -149,7 +149,7 @@ impl Cut<'_> {
             return;
         }
         // Triangles go before others; leaves of one kind are halved.
-        let left = if of_triangles % count == 0 { count / 2 } else { of_triangles };
+        let left = if of_triangles.is_multiple_of(count) { count / 2 } else { of_triangles };
         let around = |prims: &[u32]| {
             prims.iter().fold(Aabb::EMPTY, |all, &prim| all.union(&self.bounds[prim as usize]))
         };
