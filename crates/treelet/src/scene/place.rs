@@ -362,3 +362,33 @@ pub(super) fn is_near(bounds: &Aabb) -> bool {
     let (lo, hi) = (bounds.lo, bounds.hi);
     near(lo[0]) & near(lo[1]) & near(lo[2]) & near(hi[0]) & near(hi[1]) & near(hi[2])
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::math::Affine;
+    use crate::scene::BuildOptions;
+    use crate::trace::placements::BLOCK;
+    use crate::{Mesh, Scene};
+    use alloc::sync::Arc;
+
+    /// An instance that goes a little beyond all others leaves the blocks that it is not in to be shared; one that goes
+    /// far away does not.
+    #[test]
+    fn blocks_are_shared_where_one_moves_at_the_rim() {
+        let mesh = Mesh::new([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+        let options = BuildOptions::default();
+        let object = Scene::builder().mesh(mesh).build(&options).unwrap();
+        let at = |x: usize| Affine::translation([x as f32, 0.0, 0.0]);
+        let level =
+            (0..2 * BLOCK).fold(Scene::builder(), |level, x| level.instance(&object, at(x)));
+        let scene = level.build(&options).unwrap();
+        for (x, shared) in [(2 * BLOCK + 3, true), (8 * BLOCK, false)] {
+            let mut edit = scene.edit();
+            edit.set_transform(2 * BLOCK - 1, at(x)).unwrap();
+            let after = edit.commit(&options).unwrap().scene;
+            let [before, after] = [&scene, &after].map(|it| &it.structure.instances.blocks);
+            assert_eq!(Arc::ptr_eq(&before[0], &after[0]), shared, "{x}");
+            assert!(!Arc::ptr_eq(&before[1], &after[1]));
+        }
+    }
+}

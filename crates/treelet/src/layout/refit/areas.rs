@@ -226,16 +226,14 @@ pub(crate) fn survey<K: Packing<W>, const W: usize>(
     for (at, node) in wide.nodes.iter().enumerate().rev() {
         let children = K::children(node);
         let mut part = Part { nodes: 1, prims: f64::from(triangles[at]), ..Part::default() };
-        let mut all = Aabb::EMPTY;
-        let areas = half_areas::<K, W>(node);
-        for (slot, &child) in children[..used(children)].iter().enumerate() {
-            let bounds = K::bounds(node, slot);
-            let area = f64::from(areas[slot]);
+        for (&child, area) in children[..used(children)].iter().zip(half_areas::<K, W>(node)) {
+            let area = f64::from(area);
             part.boxes += area;
-            all = all.union(&bounds);
             match child.kind() {
                 ChildKind::Inner { node } => {
-                    let below = parts.get(node).copied().unwrap_or_default();
+                    // Its own box is the one in this slot.
+                    let Some(below) = parts.get_mut(node) else { continue };
+                    below.own = area;
                     part.boxes += below.boxes;
                     part.prims += below.prims;
                     part.triangles += below.triangles;
@@ -247,7 +245,10 @@ pub(crate) fn survey<K: Packing<W>, const W: usize>(
                 },
             }
         }
-        part.own = half_area(&all);
+        if at == 0 {
+            let boxes = (0..used(children)).map(|slot| K::bounds(node, slot));
+            part.own = half_area(&boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds)));
+        }
         parts[at] = part;
     }
     parts
