@@ -97,7 +97,10 @@ impl Aabb {
         if self.is_empty() {
             return *self;
         }
-        Self { lo: self.lo.map(|x| (x - by).next_down()), hi: self.hi.map(|x| (x + by).next_up()) }
+        let (lo, hi) = (|x: f32| (x - by).next_down(), |x: f32| (x + by).next_up());
+        let [a, b, c] = self.lo;
+        let [x, y, z] = self.hi;
+        Self { lo: [lo(a), lo(b), lo(c)], hi: [hi(x), hi(y), hi(z)] }
     }
 
     /// The length of the diagonal; 0 if empty.

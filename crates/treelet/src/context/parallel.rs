@@ -24,6 +24,26 @@ pub(crate) fn map<T: Send, R: Send>(items: Vec<T>, f: impl Fn(T) -> R + Sync + S
     items.into_iter().map(f).collect()
 }
 
+/// Makes a list longer by `more` copies of an item, for which there is room: the memory is first touched by all threads.
+#[cfg(feature = "rayon")]
+pub(crate) fn extend<T: Clone + Send + Sync>(items: &mut Vec<T>, more: usize, item: T) {
+    use rayon::prelude::*;
+    /// Less is not worth waking anybody.
+    const CHUNK: usize = 1 << 18;
+    if more.saturating_mul(size_of::<T>()) <= CHUNK {
+        items.resize(items.len() + more, item);
+        return;
+    }
+    let least = CHUNK / size_of::<T>().max(1);
+    items.par_extend(rayon::iter::repeat_n(item, more).with_min_len(least));
+}
+
+/// The same on one thread.
+#[cfg(not(feature = "rayon"))]
+pub(crate) fn extend<T: Clone>(items: &mut Vec<T>, more: usize, item: T) {
+    items.resize(items.len() + more, item);
+}
+
 /// `f` of each chunk of `chunk` items (the last may be shorter) and its first index, in order.
 pub(crate) fn map_chunks<T: Sync, R: Send>(
     items: &[T],

@@ -11,16 +11,16 @@
 //! `4 W + 12` bytes a wide node.
 
 use super::collapse::{Plan, Priced};
+pub(crate) use super::leaves::split_leaves;
 use super::order::{self, Outlook};
 use super::select::{Entry, Selected, Selection, Top};
-use super::wide::{BLOCK_WORDS, Child, ENTRIES_MAX, LEAF_MAX, TRIANGLE_WORDS, Wide};
+use super::wide::{BLOCK_WORDS, Child, ENTRIES_MAX, TRIANGLE_WORDS, Wide};
 use super::write::{Output, Writer};
 use super::{Collapse, greedy};
-use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages};
-use crate::tree::{self, Kind, Tree};
+use crate::tree::{Kind, Tree};
 use alloc::vec::Vec;
 
 /// Trees with fewer nodes are one piece.
@@ -85,46 +85,6 @@ pub(crate) fn lower<const W: usize>(
     }
     let writer = Writer { tree, source, instances, triangles, unit, cancel };
     write(&writer, selection)
-}
-
-/// What a leaf of the wide tree may hold: few triangles, or one instance, whose box is then asked with
-/// those of its siblings. Other leaves of the tree over
-/// `bounds` are cut in halves until they do.
-pub(crate) fn split_leaves(mut tree: Tree, bounds: &[Aabb], triangles: usize) -> Tree {
-    let has_instances = bounds.len() > triangles;
-    let is_free = |prims: &[u32]| {
-        !has_instances || prims.len() == 1 || prims.iter().all(|&prim| (prim as usize) < triangles)
-    };
-    let fits = |prims: &[u32]| prims.len() <= LEAF_MAX && is_free(prims);
-    let fit = |node: &tree::Node| match node.kind() {
-        Kind::Leaf { first, count } => fits(&tree.prims[first..first + count]),
-        Kind::Inner { .. } => true,
-    };
-    if tree.nodes.iter().all(fit) {
-        return tree;
-    }
-    let mut at = 0;
-    while at < tree.nodes.len() {
-        if let Kind::Leaf { first, count } = tree.nodes[at].kind()
-            && !fits(&tree.prims[first..first + count])
-        {
-            let prims = &mut tree.prims[first..first + count];
-            // Triangles go before instances; leaves of one kind are halved.
-            prims.sort_unstable();
-            let of_triangles = prims.partition_point(|&prim| (prim as usize) < triangles);
-            let left = if of_triangles % count == 0 { count / 2 } else { of_triangles };
-            let around = |prims: &[u32]| {
-                prims.iter().fold(Aabb::EMPTY, |all, &prim| all.union(&bounds[prim as usize]))
-            };
-            let boxes = [around(&prims[..left]), around(&prims[left..])];
-            let below = tree.nodes.len();
-            tree.nodes[at] = tree::Node::inner(tree.nodes[at].bounds, below);
-            tree.nodes.push(tree::Node::leaf(boxes[0], first, left));
-            tree.nodes.push(tree::Node::leaf(boxes[1], first + left, count - left));
-        }
-        at += 1;
-    }
-    tree
 }
 
 /// Chooses what becomes wide nodes.

@@ -3,6 +3,7 @@
 pub(crate) mod collapse;
 pub mod compact;
 mod greedy;
+mod leaves;
 pub(crate) mod lower;
 pub(crate) mod moving;
 mod order;

@@ -76,7 +76,7 @@ pub(crate) fn repair<const W: usize>(
     // Build the new tree, subtrees standing where instances would.
     let of_loose = cut.loose.iter().map(|packed| Aabb::of_points(&packed.corners));
     let boxes: Vec<_> = of_loose.chain(cut.kept.iter().map(|kept| kept.bounds)).collect();
-    let tree = split_leaves(build(&boxes)?, &boxes, cut.loose.len());
+    let tree = split_leaves(build(&boxes)?, &boxes, cut.loose.len())?;
     let numbers: Vec<_> = (0..cut.kept.len() as u32).collect();
     let numbered = Numbered { first: cut.loose.len() as u32, numbers: &numbers };
     let fetch = |prims: &[u32], packed: &mut [Packed]| {

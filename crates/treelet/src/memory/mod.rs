@@ -11,6 +11,7 @@ pub(crate) use pages::{Pages, Zeroed, zeroed};
 pub(crate) use prefetch::prefetch;
 pub(crate) use stack::{Room, Stack};
 
+use crate::context::parallel;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::fmt;
@@ -102,16 +103,18 @@ pub(crate) fn try_reserve<T>(
     what: &'static str,
 ) -> Result<(), OutOfMemory> {
     let bytes = (more as u64).saturating_mul(size_of::<T>() as u64);
-    items.try_reserve(more).map_err(|_| OutOfMemory { bytes, what })
+    items.try_reserve(more).map_err(|_| OutOfMemory { bytes, what })?;
+    pages::prefer_huge(items.spare_capacity_mut());
+    Ok(())
 }
 
 /// `len` copies of `item`, or an error instead of an abort.
-pub(crate) fn try_filled<T: Clone>(
+pub(crate) fn try_filled<T: Clone + Send + Sync>(
     item: T,
     len: usize,
     what: &'static str,
 ) -> Result<Vec<T>, OutOfMemory> {
     let mut items = try_with_capacity(len, what)?;
-    items.resize(len, item);
+    parallel::extend(&mut items, len, item);
     Ok(items)
 }

@@ -21,6 +21,13 @@ const ALIGN_MIN: usize = 64;
 #[cfg(any(test, all(unix, feature = "std")))]
 const HUGE: usize = 2 << 20;
 
+/// Whole huge pages are taken if no more than this is left over; otherwise the end lies on small pages.
+#[cfg(all(unix, feature = "std"))]
+const WASTE: usize = HUGE / 4;
+/// No system has larger small pages.
+#[cfg(all(unix, feature = "std"))]
+const SMALL: usize = 64 << 10;
+
 /// Types for which all bits zero is a value, and which need no `Drop`.
 ///
 /// # Safety
@@ -103,9 +110,11 @@ impl<T: Zeroed> Pages<T> {
 }
 
 /// Zeroed bytes for the layout: a mapping of its own on huge pages if that is worth it.
+///
+/// For a tree of 50,000 instances (1.9 MB) 480 small pages were a third of the time that it took to move one.
 fn obtain(layout: Layout) -> Option<(NonNull<u8>, Source)> {
     #[cfg(all(unix, feature = "std"))]
-    if layout.size() >= 2 * HUGE {
+    if layout.size() >= HUGE - WASTE {
         return map(layout.size());
     }
     // SAFETY: the caller's layout is not of zero size.
@@ -116,7 +125,8 @@ fn obtain(layout: Layout) -> Option<(NonNull<u8>, Source)> {
 /// A private mapping that begins at a huge page.
 #[cfg(all(unix, feature = "std"))]
 fn map(size: usize) -> Option<(NonNull<u8>, Source)> {
-    let bytes = size.checked_next_multiple_of(HUGE)?;
+    let whole = size.checked_next_multiple_of(HUGE)?;
+    let bytes = if whole - size <= WASTE { whole } else { size.next_multiple_of(SMALL) };
     let wide = bytes.checked_add(HUGE)?;
     let flags = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS;
     let protection = libc::PROT_READ | libc::PROT_WRITE;
@@ -143,6 +153,27 @@ fn map(size: usize) -> Option<(NonNull<u8>, Source)> {
         start
     };
     Some((NonNull::new(start)?, Source::Map { bytes }))
+}
+
+/// Asks for huge pages where so much room has not been touched yet that they save most of the faults: the system clears
+/// the pages of a large array in a third of the time that it takes with small ones.
+pub(super) fn prefer_huge<T>(room: &mut [core::mem::MaybeUninit<T>]) {
+    #[cfg(all(any(target_os = "linux", target_os = "android"), feature = "std"))]
+    {
+        let bytes = size_of_val(room);
+        let start: *mut u8 = room.as_mut_ptr().cast();
+        let before = start.align_offset(HUGE);
+        if bytes < 2 * HUGE || before > bytes - HUGE {
+            return;
+        }
+        let whole = (bytes - before) / HUGE * HUGE;
+        // SAFETY: `before + whole <= bytes`, so these are pages of `room` alone; the advice changes no byte.
+        unsafe {
+            libc::madvise(start.add(before).cast(), whole, libc::MADV_HUGEPAGE);
+        }
+    }
+    #[cfg(not(all(any(target_os = "linux", target_os = "android"), feature = "std")))]
+    let _ = room;
 }
 
 impl<T> Drop for Pages<T> {

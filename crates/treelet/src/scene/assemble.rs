@@ -11,7 +11,7 @@ use super::quality::Cuttable;
 use super::report::BuildReport;
 use super::travel;
 use super::{Plan, Quality, Scene, SceneError};
-use crate::bounds::Aabb;
+use crate::bounds::{Aabb, Cover};
 use crate::build::BuildError;
 use crate::context::clock::Stopwatch;
 use crate::geometry::triangle::Ordinary;
@@ -126,7 +126,7 @@ impl Gathered {
         let (mut tree, mut report) = self.tree(plan, options)?;
         let Self { geometries, first_ids, placements, moving, prims, clock, .. } = self;
         if report.tree.leaf_max as usize > LEAF_MAX || !prims.singles.is_empty() {
-            tree = split_leaves(tree, prims.bounds(), prims.triangles);
+            tree = split_leaves(tree, prims.bounds(), prims.triangles)?;
         }
         let (geometries, first_ids, instances) = if again {
             (geometries.clone(), first_ids.clone(), placements.instances.clone())
@@ -289,7 +289,8 @@ impl Level {
             instances,
             layout,
             bounds,
-            cover: self.cover,
+            cover: Cover::new(self.cover),
+            reach_cover: Cover::new(alloc::vec![reach]),
             ordinary: Ordinary::level(&reach),
             reach,
             diagonal: bounds.diagonal() as f32,

@@ -2,6 +2,7 @@
 
 use super::assemble;
 use super::{Pilot, Plan, Quality, Scene, SceneError};
+use crate::bounds::Aabb;
 use crate::build::{Builder, Info};
 use crate::context::Context;
 use crate::geometry::{Mesh, Shape};
@@ -9,7 +10,7 @@ use crate::layout::{compact, wide};
 use crate::math::Affine;
 use crate::optimize::Optimizer;
 use crate::simd::Level;
-use crate::trace::placements::BLOCK;
+use crate::trace::placements::{BLOCK, Instance};
 use crate::trace::structure::{Geometry, Structure};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -126,20 +127,68 @@ pub struct SceneBuilder {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Crowd {
     /// All but the last are full.
-    pub(super) blocks: Vec<Vec<Placed>>,
+    pub(super) blocks: Vec<Draft>,
+}
+
+/// A block of instances that nobody has placed yet: written down where they stay, since what they are copied
+/// to costs as much as what is done to them.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Draft {
+    pub(super) items: Vec<Instance>,
+    /// Those that move, in rising order, with the maps of all time steps.
+    pub(super) steps: Vec<(usize, Arc<[Affine]>)>,
+}
+
+impl Draft {
+    #[inline]
+    fn push(&mut self, placed: Placed) {
+        let Placed { structure, world_from_object, mask, steps } = placed;
+        if let Some(steps) = steps {
+            self.steps.push((self.items.len(), steps));
+        }
+        self.items.push(Instance {
+            columns: [[0.0; 4]; 4],
+            corners: Instance::corners(&Aabb::EMPTY),
+            structure,
+            rank: 0,
+            mask,
+            motion: None,
+            world_from_object,
+        });
+    }
+}
+
+impl FromIterator<Placed> for Draft {
+    fn from_iter<I: IntoIterator<Item = Placed>>(placed: I) -> Self {
+        let placed = placed.into_iter();
+        let items = Vec::with_capacity(placed.size_hint().0.min(BLOCK));
+        let mut draft = Self { items, steps: Vec::new() };
+        placed.for_each(|placed| draft.push(placed));
+        draft
+    }
 }
 
 impl Crowd {
     pub(super) fn len(&self) -> usize {
-        let last = self.blocks.last().map_or(0, Vec::len);
+        let last = self.blocks.last().map_or(0, |block| block.items.len());
         self.blocks.len().saturating_sub(1) * BLOCK + last
     }
 
+    #[inline]
     pub(super) fn push(&mut self, placed: Placed) {
         match self.blocks.last_mut() {
-            Some(block) if block.len() < BLOCK => block.push(placed),
-            _ => self.blocks.push(alloc::vec![placed]),
+            Some(block) if block.items.len() < BLOCK => block.push(placed),
+            _ => self.push_block(placed),
         }
+    }
+
+    /// After a full block the next will be as full.
+    #[cold]
+    fn push_block(&mut self, placed: Placed) {
+        let room = if self.blocks.is_empty() { 1 } else { BLOCK };
+        let mut block = Draft { items: Vec::with_capacity(room), steps: Vec::new() };
+        block.push(placed);
+        self.blocks.push(block);
     }
 }
 

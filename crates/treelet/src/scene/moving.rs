@@ -258,7 +258,7 @@ impl Maker<'_> {
 
         // The tree of the middle.
         let tree = plan.build(&bounds, &Whole(&bounds), &options.context)?;
-        let tree = split_leaves(tree, &bounds, bounds.len());
+        let tree = split_leaves(tree, &bounds, bounds.len())?;
         tried.repeats |= tree.prims.len() > bounds.len();
         let source = |prims: &[u32], packed: &mut [Packed]| {
             for (&at, packed) in prims.iter().zip(packed) {

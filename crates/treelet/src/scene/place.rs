@@ -1,16 +1,18 @@
 //! Where instances are: checked, ranked, boxed, and widened as `trace::slack` derives.
 
-use super::builder::{BuildOptions, Crowd, Invalid, Placed};
+use super::builder::{BuildOptions, Crowd, Draft, Invalid, Placed};
 use super::report::BuildReport;
 use super::{InstanceDefect, SceneError, travel};
 use crate::bounds::Aabb;
 use crate::context::{Cancelled, parallel};
 use crate::geometry::mesh::COORDINATE_MAX;
-use crate::math::{Affine, affine};
+use crate::math::Affine;
+use crate::math::affine::larger;
 use crate::memory;
 use crate::trace::motion::Motion;
 use crate::trace::placements::{BLOCK, Block, Instance, Instances};
 use crate::trace::slack::{self, Near, Norms, Slack};
+use crate::trace::structure::Structure;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 
@@ -38,7 +40,7 @@ pub(super) enum Part {
     /// As they stand.
     Kept(Arc<Block>),
     /// To be placed.
-    New(Vec<Placed>),
+    New(Draft),
 }
 
 /// Blocks of what is to be placed, each full but for the last.
@@ -66,11 +68,12 @@ pub(super) fn place_instances(
 ) -> Result<Placements, SceneError> {
     // Find where each one is; one that is nowhere is an error, or is skipped.
     let cancel = &options.context.cancel;
-    let located = parallel::map(parts, |part| {
+    let new = parts.iter().filter(|part| matches!(part, Part::New(_))).count();
+    let located = each(parts, new, |part| {
         cancel.check()?;
         Ok(match part {
             Part::Kept(block) => Located::Kept(block),
-            Part::New(placed) => Located::new(placed),
+            Part::New(draft) => Located::new(draft),
         })
     });
     let located = located.into_iter().collect::<Result<Vec<_>, Cancelled>>()?;
@@ -95,7 +98,12 @@ pub(super) fn place_instances(
     }
 
     // Widen their boxes for those.
-    let widened = parallel::map(ranked, |(located, rank)| {
+    let stays = |(located, rank): &(Located, u64)| match located {
+        Located::Kept(block) => block.stays(near, *rank),
+        Located::New { .. } => false,
+    };
+    let new = ranked.iter().filter(|ranked| !stays(ranked)).count();
+    let widened = each(ranked, new, |(located, rank)| {
         cancel.check()?;
         Ok(located.widened(near, rank))
     });
@@ -112,19 +120,25 @@ pub(super) fn place_instances(
     Ok(Placements { instances, reach, slack: Slack::new(near, far_share), paths })
 }
 
+/// `f` of each, side by side if there is work to share: to wake threads for blocks that stay takes longer than the blocks.
+fn each<T: Send, R: Send>(items: Vec<T>, new: usize, f: impl Fn(T) -> R + Sync + Send) -> Vec<R> {
+    if new > 1 { parallel::map(items, f) } else { items.into_iter().map(f).collect() }
+}
+
 /// What is wrong with some instances of a block.
 type Defects = Vec<(usize, InstanceDefect)>;
 
 /// A block of instances that are where they are, their boxes not widened if they are new.
 enum Located {
     Kept(Arc<Block>),
-    New { block: Block, all_norms: Vec<Norms>, defects: Defects },
+    New { block: Block, all_norms: Vec<[f32; 4]>, defects: Defects },
 }
 
 impl Located {
-    fn new(placed: Vec<Placed>) -> Self {
+    fn new(draft: Draft) -> Self {
+        let Draft { mut items, steps } = draft;
         let mut block = Block {
-            items: Vec::with_capacity(placed.len()),
+            items: Vec::new(),
             reach: Aabb::EMPTY,
             limit: f64::INFINITY,
             far_share: 0.0,
@@ -136,44 +150,24 @@ impl Located {
             near: Near::of(&Aabb::EMPTY),
         };
         let mut defects = Vec::new();
-        let mut all_norms = Vec::with_capacity(placed.len());
-        for (at, placed) in placed.into_iter().enumerate() {
-            let located = match &placed.steps {
-                None => locate(&placed),
-                Some(steps) => travel::locate(&placed.structure, steps),
+        let mut all_norms = Vec::with_capacity(items.len());
+        let mut steps = steps.into_iter().peekable();
+        for (at, instance) in items.iter_mut().enumerate() {
+            let inner = &*instance.structure;
+            let located = match steps.next_if(|(of, _)| *of == at) {
+                None => locate(inner, &instance.world_from_object),
+                Some((_, steps)) => travel::locate(inner, &steps),
             };
-            let place = located.unwrap_or_else(|defect| {
-                defects.push((at, defect));
-                Place::NOWHERE
-            });
-            let Placed { structure, world_from_object, mask, .. } = placed;
-            let Place { object_from_world, bounds, reach, norms, motion } = place;
-            all_norms.push(norms);
-            if !bounds.is_empty() {
-                let limit = match &motion {
-                    None => Near::limit(&structure.slack, &object_from_world),
-                    Some(motion) => travel::limit(&structure.slack, motion),
-                };
-                block.limit = block.limit.min(limit);
+            // Written twice, so that a place need not be moved to where the two ways meet.
+            match located {
+                Ok(place) => all_norms.push(block.put(instance, place)),
+                Err(defect) => {
+                    defects.push((at, defect));
+                    all_norms.push(block.put(instance, Place::NOWHERE));
+                }
             }
-            block.reach = block.reach.union(&reach);
-            block.paths = block.paths.saturating_add(structure.paths);
-            block.repeats |= structure.repeats;
-            block.empty += u64::from(structure.bounds.is_empty());
-            block.layouts |= structure.layout.bit();
-            block.moves |= structure.moves | motion.is_some();
-            let columns = Instance::columns(&object_from_world);
-            let (corners, rank) = (Instance::corners(&bounds), 0);
-            block.items.push(Instance {
-                columns,
-                corners,
-                structure,
-                rank,
-                mask,
-                motion,
-                world_from_object,
-            });
         }
+        block.items = items;
         Self::New { block, all_norms, defects }
     }
 
@@ -188,9 +182,7 @@ impl Located {
     fn widened(self, near: Near, rank: u64) -> (Arc<Block>, Defects) {
         let (mut block, all_norms) = match self {
             Self::New { block, all_norms, .. } => (block, all_norms),
-            Self::Kept(block) if block.near == near && block.first_rank() == Some(rank) => {
-                return (block, Vec::new());
-            }
+            Self::Kept(block) if block.stays(near, rank) => return (block, Vec::new()),
             Self::Kept(block) => match Self::new(block.items.iter().map(Placed::again).collect()) {
                 Self::New { block, all_norms, .. } => (block, all_norms),
                 Self::Kept(block) => return (block, Vec::new()),
@@ -208,7 +200,8 @@ impl Located {
             let (bounds, far_share) = if instance.motion.is_some() {
                 travel::widen(instance, near)
             } else {
-                let (by, far_share) = near.widening_of(&instance.structure.slack, *norms);
+                let norms = norms.map(f64::from);
+                let (by, far_share) = near.widening_of(&instance.structure.slack, norms);
                 (bounds.widened(by), far_share)
             };
             block.far_share = block.far_share.max(far_share);
@@ -221,6 +214,32 @@ impl Located {
         }
         block.near = near;
         (Arc::new(block), defects)
+    }
+}
+
+impl Block {
+    /// Writes down where an instance of the block is; returns what its box is to be widened by.
+    #[inline(always)]
+    fn put(&mut self, instance: &mut Instance, place: Place) -> [f32; 4] {
+        let Place { object_from_world, bounds, reach, norms, motion } = place;
+        let inner = &*instance.structure;
+        if !bounds.is_empty() {
+            let limit = match &motion {
+                None => Near::limit(&inner.slack, &object_from_world),
+                Some(motion) => travel::limit(&inner.slack, motion),
+            };
+            self.limit = self.limit.min(limit);
+        }
+        self.reach = self.reach.union(&reach);
+        self.paths = self.paths.saturating_add(inner.paths);
+        self.repeats |= inner.repeats;
+        self.empty += u64::from(inner.bounds.is_empty());
+        self.layouts |= inner.layout.bit();
+        self.moves |= inner.moves | motion.is_some();
+        instance.columns = Instance::columns(&object_from_world);
+        instance.corners = Instance::corners(&bounds);
+        instance.motion = motion;
+        slack::rounded(norms)
     }
 }
 
@@ -264,59 +283,112 @@ impl Place {
     };
 }
 
-fn locate(placed: &Placed) -> Result<Place, InstanceDefect> {
-    let rows = placed.world_from_object.0;
-    if !placed.world_from_object.is_finite() {
+#[inline(always)]
+fn locate(inner: &Structure, world_from_object: &Affine) -> Result<Place, InstanceDefect> {
+    let rows = world_from_object.0;
+    if !world_from_object.is_finite() {
         return Err(InstanceDefect::NotFinite { rows });
     }
     let singular = InstanceDefect::Singular { rows };
-    let object_from_world = placed.world_from_object.inverse().ok_or(singular)?;
+    let object_from_world = world_from_object.inverse().ok_or(singular)?;
     // Rays see the object through the rounded inverse, so its boxes are those of the inverse's
     // exact inverse.
     let exact = object_from_world.inverse_f64().ok_or(singular)?;
-    if !is_faithful(&exact, &placed.world_from_object) {
+    if !is_faithful(&exact, world_from_object) {
         return Err(singular);
     }
-    let there = object_from_world.0.map(|row| row.map(f64::from));
-    if largest(&there) > SCALE_MAX || largest(&exact) > SCALE_MAX {
+    if is_extreme(&object_from_world, &exact) {
         return Err(InstanceDefect::Scale { rows });
     }
-    if placed.structure.bounds.is_empty() {
+    if inner.bounds.is_empty() {
         return Ok(Place { object_from_world, ..Place::NOWHERE });
     }
-    let image = |bounds: &Aabb| {
-        let (lo, hi) = affine::box_image(&exact, bounds.lo, bounds.hi);
-        Aabb { lo, hi }
+    let (bounds, reach) = match boxes(inner, &exact) {
+        Some(boxes) if is_near(&boxes.1) => boxes,
+        _ => boxes_f64(inner, &exact),
     };
-    let inner = &placed.structure;
-    let whole = image(&inner.reach);
-    let bounds = match inner.cover.as_slice() {
-        [only] if *only == inner.reach => whole,
-        cover => cover.iter().map(image).fold(Aabb::EMPTY, |a, b| a.union(&b)),
-    };
-    let reach = whole.union(&bounds);
-    let Aabb { lo, hi } = reach;
+    if !is_near(&reach) {
+        let Aabb { lo, hi } = reach;
+        return Err(InstanceDefect::TooFar { lo, hi });
+    }
     let norms = slack::norms(&object_from_world, &exact);
-    let place = Place { object_from_world, bounds, reach, norms, motion: None };
-    if is_near(&reach) { Ok(place) } else { Err(InstanceDefect::TooFar { lo, hi }) }
+    Ok(Place { object_from_world, bounds, reach, norms, motion: None })
+}
+
+/// The boxes around what is inside, and around its reach; `None` where f32 cannot say.
+#[inline(always)]
+fn boxes(inner: &Structure, map: &[[f64; 4]; 3]) -> Option<(Aabb, Aabb)> {
+    let whole = inner.reach_cover.image(map)?;
+    let bounds = match inner.cover.boxes() {
+        [only] if *only == inner.reach => whole,
+        _ => inner.cover.image(map)?,
+    };
+    Some((bounds, whole.union(&bounds)))
+}
+
+/// The same in f64.
+#[cold]
+#[inline(never)]
+fn boxes_f64(inner: &Structure, map: &[[f64; 4]; 3]) -> (Aabb, Aabb) {
+    let bounds = inner.cover.image_f64(map);
+    (bounds, inner.reach_cover.image_f64(map).union(&bounds))
 }
 
 /// Whether the linear part that rays see is the caller's, to three digits.
 fn is_faithful(exact: &[[f64; 4]; 3], given: &Affine) -> bool {
-    exact.iter().zip(&given.0).all(|(exact, given)| {
-        let largest = given[..3].iter().fold(0.0_f32, |size, x| size.max(x.abs()));
-        let near = |(exact, given): (&f64, &f32)| {
-            (exact - f64::from(*given)).abs() <= FIDELITY * f64::from(largest)
-        };
-        exact[..3].iter().zip(&given[..3]).all(near)
-    })
+    let mut faithful = true;
+    for (&[a, b, c, _], &[x, y, z, _]) in exact.iter().zip(&given.0) {
+        let largest = larger(larger(f64::from(x.abs()), f64::from(y.abs())), f64::from(z.abs()));
+        let near = |exact: f64, given: f32| (exact - f64::from(given)).abs() <= FIDELITY * largest;
+        faithful &= near(a, x) & near(b, y) & near(c, z);
+    }
+    faithful
 }
 
-/// The largest entry of the linear part.
-fn largest(map: &[[f64; 4]; 3]) -> f64 {
-    map.iter().flat_map(|row| &row[..3]).fold(0.0, |largest, entry| largest.max(entry.abs()))
+/// Whether one of the linear parts has an entry beyond [`SCALE_MAX`].
+#[inline(always)]
+fn is_extreme(there: &Affine, back: &[[f64; 4]; 3]) -> bool {
+    let mut extreme = false;
+    for (&[a, b, c, _], &[x, y, z, _]) in there.0.iter().zip(back) {
+        let there = |entry: f32| f64::from(entry.abs()) > SCALE_MAX;
+        let back = |entry: f64| entry.abs() > SCALE_MAX;
+        extreme |= there(a) | there(b) | there(c) | back(x) | back(y) | back(z);
+    }
+    extreme
 }
 
 pub(super) fn is_near(bounds: &Aabb) -> bool {
-    bounds.lo.iter().chain(&bounds.hi).all(|x| x.abs() <= COORDINATE_MAX)
+    let near = |x: f32| x.abs() <= COORDINATE_MAX;
+    let (lo, hi) = (bounds.lo, bounds.hi);
+    near(lo[0]) & near(lo[1]) & near(lo[2]) & near(hi[0]) & near(hi[1]) & near(hi[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::math::Affine;
+    use crate::scene::BuildOptions;
+    use crate::trace::placements::BLOCK;
+    use crate::{Mesh, Scene};
+    use alloc::sync::Arc;
+
+    /// An instance that goes a little beyond all others leaves the blocks that it is not in to be shared; one that goes
+    /// far away does not.
+    #[test]
+    fn blocks_are_shared_where_one_moves_at_the_rim() {
+        let mesh = Mesh::new([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[0, 1, 2]]);
+        let options = BuildOptions::default();
+        let object = Scene::builder().mesh(mesh).build(&options).unwrap();
+        let at = |x: usize| Affine::translation([x as f32, 0.0, 0.0]);
+        let level =
+            (0..2 * BLOCK).fold(Scene::builder(), |level, x| level.instance(&object, at(x)));
+        let scene = level.build(&options).unwrap();
+        for (x, shared) in [(2 * BLOCK + 3, true), (8 * BLOCK, false)] {
+            let mut edit = scene.edit();
+            edit.set_transform(2 * BLOCK - 1, at(x)).unwrap();
+            let after = edit.commit(&options).unwrap().scene;
+            let [before, after] = [&scene, &after].map(|it| &it.structure.instances.blocks);
+            assert_eq!(Arc::ptr_eq(&before[0], &after[0]), shared, "{x}");
+            assert!(!Arc::ptr_eq(&before[1], &after[1]));
+        }
+    }
 }

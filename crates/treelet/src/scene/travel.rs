@@ -11,7 +11,7 @@ use crate::layout::lower::{Numbered, Packed, lower, split_leaves};
 use crate::math::Affine;
 use crate::math::pose::{Path, PathDefect};
 use crate::trace::motion::Motion;
-use crate::trace::placements::Instance;
+use crate::trace::placements::{Block, Instance};
 use crate::trace::slack::{Near, Slack, Stretch};
 use crate::trace::structure::{Layout, Structure};
 use alloc::sync::Arc;
@@ -40,7 +40,7 @@ pub(super) fn locate(inner: &Structure, steps: &[Affine]) -> Result<Place, Insta
     }
 
     let whole = Motion::new(path.clone(), &[inner.reach]).around();
-    let motion = match inner.cover.as_slice() {
+    let motion = match inner.cover.boxes() {
         [] => Motion::new(path, &[inner.bounds]),
         cover => Motion::new(path, cover),
     };
@@ -87,7 +87,8 @@ pub(super) fn split(
     plan: &Plan<'_>,
     options: &BuildOptions<'_>,
 ) -> Result<(), SceneError> {
-    let moves = structure.instances.iter().any(|instance| instance.motion.is_some());
+    let moves = |block: &Arc<Block>| block.items.iter().any(|it| it.motion.is_some());
+    let moves = structure.moves && structure.instances.blocks.iter().any(moves);
     if !options.temporal_splits || !moves || !structure.geometries.is_empty() {
         return Ok(());
     }
@@ -138,7 +139,7 @@ fn layout(
         boxes.iter().zip(0..).filter(|(bounds, _)| !bounds.is_empty()).map(|(_, at)| at).collect();
     let bounds: Vec<Aabb> = numbers.iter().map(|&at| boxes[at as usize]).collect();
     let tree = plan.build(&bounds, &Whole(&bounds), &options.context)?;
-    let tree = split_leaves(tree, &bounds, 0);
+    let tree = split_leaves(tree, &bounds, 0)?;
     let placed = Numbered { first: 0, numbers: &numbers };
     let nothing = |_: &[u32], _: &mut [Packed]| {};
     let cancel = &options.context.cancel;

@@ -8,6 +8,7 @@ use crate::layout::wide::Child;
 use crate::math::{Affine, affine};
 use alloc::sync::Arc;
 use alloc::vec::Vec;
+use core::ops::Range;
 
 /// Instances of a block; all blocks but the last are full.
 ///
@@ -54,9 +55,12 @@ pub(crate) type Columns = [[f32; 4]; 4];
 
 impl Instance {
     /// `object_from_world` as columns.
+    #[inline]
     pub(crate) fn columns(object_from_world: &Affine) -> Columns {
-        let [x, y, z] = object_from_world.0;
-        [0, 1, 2, 3].map(|column: usize| [x[column], y[column], z[column], z[column]])
+        // Written out: `map` is not inlined, and this is done for every instance.
+        let [x, y, z] = &object_from_world.0;
+        let column = |at: usize| [x[at], y[at], z[at], z[at]];
+        [column(0), column(1), column(2), column(3)]
     }
 
     /// The map that rays go through.
@@ -66,9 +70,10 @@ impl Instance {
     }
 
     /// The box around what is placed.
+    #[inline]
     pub(crate) fn bounds(&self) -> Aabb {
-        let [lo, hi] = self.corners.map(|[x, y, z, _]| [x, y, z]);
-        Aabb { lo, hi }
+        let [[x, y, z, _], [far_x, far_y, far_z, _]] = self.corners;
+        Aabb { lo: [x, y, z], hi: [far_x, far_y, far_z] }
     }
 
     /// The instance as seen by rays that are `near`.
@@ -85,8 +90,10 @@ impl Instance {
     }
 
     /// A box as corners.
+    #[inline]
     pub(crate) fn corners(bounds: &Aabb) -> [[f32; 4]; 2] {
-        [bounds.lo, bounds.hi].map(|[x, y, z]| [x, y, z, z])
+        let corner = |[x, y, z]: [f32; 3]| [x, y, z, z];
+        [corner(bounds.lo), corner(bounds.hi)]
     }
 }
 
@@ -117,6 +124,11 @@ pub(crate) struct Block {
 impl Block {
     pub(crate) fn first_rank(&self) -> Option<u64> {
         self.items.first().map(|instance| instance.rank)
+    }
+
+    /// Whether it is as it is to be where rays are `near`, and ranks begin at `rank`.
+    pub(crate) fn stays(&self, near: Near, rank: u64) -> bool {
+        self.near == near && self.first_rank() == Some(rank)
     }
 }
 
@@ -223,6 +235,13 @@ impl Instances {
         }
     }
 
+    /// The numbers that stand for an instance: its own, or if it is opened those of its parts.
+    pub(crate) fn numbers(&self, instance: usize) -> Range<usize> {
+        let place = |at: usize| self.parts.partition_point(|it| (it.instance as usize) < at);
+        let (first, end) = (place(instance), place(instance + 1));
+        if first == end { instance..instance + 1 } else { self.len + first..self.len + end }
+    }
+
     /// The box of what a number stands for, in this level's space.
     pub(crate) fn bounds(&self, number: usize) -> Aabb {
         let Some(part) = number.checked_sub(self.len) else { return self.at(number).bounds() };
@@ -265,7 +284,12 @@ impl Instances {
     /// What is placed by instances that no other snapshot shares.
     pub(crate) fn into_structures(self, structures: &mut Vec<Arc<Structure>>) {
         for block in self.blocks.into_iter().filter_map(Arc::into_inner) {
-            structures.extend(block.items.into_iter().map(|instance| instance.structure));
+            for Instance { structure, .. } in block.items {
+                // Of many of one kind, the first is enough to hold it.
+                if structures.last().is_none_or(|last| !Arc::ptr_eq(last, &structure)) {
+                    structures.push(structure);
+                }
+            }
         }
     }
 }

@@ -43,6 +43,7 @@
 
 use crate::bounds::Aabb;
 use crate::geometry::triangle::{SLACK, UNIT_ROUNDOFF};
+use crate::math::affine::larger;
 use crate::math::{Affine, vec3};
 use crate::simd::{Floats, Simd};
 
@@ -65,9 +66,11 @@ pub(crate) struct Near {
 impl Near {
     /// Of a level with this reach, whose instances are not looked at yet.
     pub(crate) fn of(reach: &Aabb) -> Self {
+        let extent = f64::from(vec3::max_abs(reach.extent()));
+        let coordinate_max = f64::from(reach.max_abs());
         Self {
-            reach: NEAR_REACHES * f64::from(vec3::max_abs(reach.extent())),
-            coordinate_max: f64::from(reach.max_abs()),
+            reach: NEAR_REACHES * step_below(extent),
+            coordinate_max: step_above(coordinate_max),
         }
     }
 
@@ -122,11 +125,33 @@ impl Near {
 /// `m`, `n`, `K` and `v` of a map.
 pub(crate) type Norms = [f64; 4];
 
+/// The same in half the memory, and no less.
+#[inline]
+pub(crate) fn rounded([m, n, k, v]: Norms) -> [f32; 4] {
+    let up = |x: f64| (x as f32).next_up();
+    [up(m), up(n), up(k), up(v)]
+}
+
 /// Those of a map that rays go through, and of its exact inverse.
+#[inline]
 pub(crate) fn norms(object_from_world: &Affine, world_from_object: &[[f64; 4]; 3]) -> Norms {
-    let a = object_from_world.0.map(|row| row.map(f64::from));
-    let [m, n] = [row_sum(&a), row_sum(world_from_object)];
-    let (k, v) = absolute_products(world_from_object, &a);
+    // Row sums of the first map, and its absolute offset: `K` is the largest row sum of the product of absolute values, so
+    // the product's columns need not be known.
+    let (mut sums, mut offsets) = ([0.0_f64; 3], [0.0_f64; 3]);
+    for ((&[a, b, c, d], sum), offset) in
+        object_from_world.0.iter().zip(&mut sums).zip(&mut offsets)
+    {
+        *sum = f64::from(a.abs()) + f64::from(b.abs()) + f64::from(c.abs());
+        *offset = f64::from(d.abs());
+    }
+    let m = larger(larger(sums[0], sums[1]), sums[2]);
+    let (mut n, mut k, mut v) = (0.0_f64, 0.0_f64, 0.0_f64);
+    for &[a, b, c, _] in world_from_object {
+        let (a, b, c) = (a.abs(), b.abs(), c.abs());
+        n = larger(n, a + b + c);
+        k = larger(k, a * sums[0] + b * sums[1] + c * sums[2]);
+        v = larger(v, a * offsets[0] + b * offsets[1] + c * offsets[2]);
+    }
     [m, n, k, v]
 }
 
@@ -199,21 +224,21 @@ impl Slack {
     }
 }
 
+/// The mantissa of a double but for its highest bits: what is near changes in steps of an eighth of a power of two. If one
+/// instance of many moves at the rim of a level, the boxes of the others hardly ever have to follow.
+const STEP: u64 = (1 << 49) - 1;
+
+/// The largest step that is not above a finite `x >= 0`.
+fn step_below(x: f64) -> f64 {
+    f64::from_bits(x.to_bits() & !STEP)
+}
+
+/// The smallest step that is not below a finite `x >= 0`.
+fn step_above(x: f64) -> f64 {
+    f64::from_bits((x.to_bits() + STEP) & !STEP)
+}
+
 /// The largest absolute row sum of the linear part.
 fn row_sum(map: &[[f64; 4]; 3]) -> f64 {
     map.iter().map(|[a, b, c, _]| a.abs() + b.abs() + c.abs()).fold(0.0, f64::max)
-}
-
-/// `K` and `v` of the module's head: the largest row sum of `|back| |there|`, and the largest
-/// component of `|back|` times the absolute offset of `there`.
-fn absolute_products(back: &[[f64; 4]; 3], there: &[[f64; 4]; 3]) -> (f64, f64) {
-    let (mut k, mut v) = (0.0_f64, 0.0_f64);
-    for row in back {
-        let through = |column: usize| -> f64 {
-            (0..3).map(|middle| row[middle].abs() * there[middle][column].abs()).sum()
-        };
-        k = k.max(through(0) + through(1) + through(2));
-        v = v.max(through(3));
-    }
-    (k, v)
 }

@@ -3,7 +3,7 @@
 use super::moving::MovingMesh;
 use super::placements::Instances;
 use super::slack::Slack;
-use crate::bounds::Aabb;
+use crate::bounds::{Aabb, Cover};
 use crate::geometry::shape::Local;
 use crate::geometry::{Meeting, Mesh, Shape};
 use crate::layout::compact::Compact;
@@ -121,10 +121,12 @@ pub(crate) struct Structure {
     pub(crate) bounds: Aabb,
     /// The length of its diagonal.
     pub(crate) diagonal: f32,
-    /// A few boxes that together contain everything: tighter than one when they are transformed.
-    pub(crate) cover: Vec<Aabb>,
+    /// A few boxes that together contain everything.
+    pub(crate) cover: Cover,
     /// Contains everything, and the images of the reaches of all instances.
     pub(crate) reach: Aabb,
+    /// That box alone.
+    pub(crate) reach_cover: Cover,
     /// The same, as lanes: `x, y, z, z` of both corners.
     pub(crate) reach_lanes: [[f32; 4]; 2],
     /// Whether rays may be [`Ordinary`](crate::geometry::triangle::Ordinary) here.

@@ -183,7 +183,7 @@ mod tests {
                         *packed = Packed { corners: corners[id as usize], id };
                     }
                 };
-                let tree = split_leaves(tree, &bounds, count);
+                let tree = split_leaves(tree, &bounds, count).unwrap();
                 let cancel = Cancel::default();
                 let numbers: Vec<u32> = (0..instances as u32).map(|at| 3 * at).collect();
                 let placed = Numbered { first: count as u32, numbers: &numbers };

@@ -51,6 +51,19 @@ pub(crate) fn half_area(bounds: &Aabb) -> f64 {
     if x >= 0.0 { f64::from(x * y + y * z + z * x) } else { 0.0 }
 }
 
+/// Of the boxes in all slots of a node, as [`half_area`] says; of slots without a child, anything.
+#[inline(always)]
+fn half_areas<K: Packing<W>, const W: usize>(node: &K::Node) -> [f32; W] {
+    let mut areas = [0.0; W];
+    for (slot, area) in areas.iter_mut().enumerate() {
+        let Aabb { lo, hi } = K::bounds(node, slot);
+        let edge = |axis: usize| hi[axis] - lo[axis];
+        let (x, y, z) = (edge(0), edge(1), edge(2));
+        *area = if x >= 0.0 { x * y + y * z + z * x } else { 0.0 };
+    }
+    areas
+}
+
 /// Slots that hold a child: those before the first that does not.
 #[inline(always)]
 pub(crate) fn used<const W: usize>(children: &[Child; W]) -> usize {
@@ -143,16 +156,19 @@ pub(crate) fn areas<K: Packing<W>, const W: usize>(
         impl Fn(usize) -> Aabb + Sync,
     >,
 ) -> (Areas, Vec<f32>) {
-    let of_children = |children: &[Child], boxes: &dyn Fn(usize) -> Aabb, sum: &mut Areas| {
+    let of_children = |children: &[Child], of_boxes: &[f32; W], sum: &mut Areas| {
         let (mut ids, mut count) = ([0; SLOTS_MAX * LEAF_MAX], 0);
-        for (slot, &child) in children.iter().enumerate() {
-            let area = half_area(&boxes(slot));
+        for (&child, &area) in children.iter().zip(of_boxes) {
+            let area = f64::from(area);
             sum.boxes += area;
             let triangles = ids_of(wide, child, &mut ids[count..]);
             count += triangles;
             if triangles == 0 && !child.is_inner() {
                 sum.prims += area;
             }
+        }
+        if count == 0 {
+            return 0.0;
         }
         let mut packed = [Packed::default(); SLOTS_MAX * LEAF_MAX];
         (content.triangles)(&ids[..count], &mut packed[..count]);
@@ -165,8 +181,8 @@ pub(crate) fn areas<K: Packing<W>, const W: usize>(
         let mut triangles = Vec::with_capacity(nodes.len());
         for node in nodes {
             let children = K::children(node);
-            let boxes = |slot: usize| K::bounds(node, slot);
-            triangles.push(of_children(&children[..used(children)], &boxes, &mut sum));
+            let areas = half_areas::<K, W>(node);
+            triangles.push(of_children(&children[..used(children)], &areas, &mut sum));
         }
         (sum, triangles)
     });
@@ -210,15 +226,14 @@ pub(crate) fn survey<K: Packing<W>, const W: usize>(
     for (at, node) in wide.nodes.iter().enumerate().rev() {
         let children = K::children(node);
         let mut part = Part { nodes: 1, prims: f64::from(triangles[at]), ..Part::default() };
-        let mut all = Aabb::EMPTY;
-        for (slot, &child) in children[..used(children)].iter().enumerate() {
-            let bounds = K::bounds(node, slot);
-            let area = half_area(&bounds);
+        for (&child, area) in children[..used(children)].iter().zip(half_areas::<K, W>(node)) {
+            let area = f64::from(area);
             part.boxes += area;
-            all = all.union(&bounds);
             match child.kind() {
                 ChildKind::Inner { node } => {
-                    let below = parts.get(node).copied().unwrap_or_default();
+                    // Its own box is the one in this slot.
+                    let Some(below) = parts.get_mut(node) else { continue };
+                    below.own = area;
                     part.boxes += below.boxes;
                     part.prims += below.prims;
                     part.triangles += below.triangles;
@@ -230,7 +245,10 @@ pub(crate) fn survey<K: Packing<W>, const W: usize>(
                 },
             }
         }
-        part.own = half_area(&all);
+        if at == 0 {
+            let boxes = (0..used(children)).map(|slot| K::bounds(node, slot));
+            part.own = half_area(&boxes.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds)));
+        }
         parts[at] = part;
     }
     parts

@@ -16,7 +16,7 @@ mod areas;
 mod touch;
 
 pub(crate) use areas::{Areas, Part, areas, around, half_area, survey, triangles_of, used};
-pub(crate) use touch::{Came, touch};
+pub(crate) use touch::{Came, Moved, touch};
 
 use super::lower::Packed;
 use super::packing::Packing;

@@ -27,14 +27,26 @@ pub(crate) struct Came<'a> {
     pub(crate) placed: &'a [usize],
 }
 
-/// The same tree, where only the boxes of some instances changed: those that are `moved`, by their
-/// numbers as they are now; and where some `came`. `bounds`, `areas` and those of `triangles` are of the tree as it is.
+/// An entry of the tree whose box changed.
+pub(crate) struct Moved {
+    /// Its number as it is now.
+    pub(crate) number: usize,
+    /// The box that it had.
+    pub(crate) was: Aabb,
+}
+
+/// To look for so many leaves takes as long as reading all nodes: one is found after some ten nodes, beside which
+/// others' boxes hold its own.
+const SHARE: usize = 64;
+
+/// The same tree, where only the boxes of some entries changed: those that are `moved`, in rising order; and where some
+/// `came`. `bounds`, `areas` and those of `triangles` are of the tree as it is.
 ///
-/// Cost: copies the layout and reads the children of every node; then a few steps for each.
+/// Cost: copies the layout; then some ten nodes for each, looked for from the root, or the children of every node once.
 pub(crate) fn touch<const W: usize>(
     old: &Wide<W>,
     (bounds, areas, triangles): (Aabb, Areas, &[f32]),
-    moved: impl Fn(usize) -> bool,
+    moved: &[Moved],
     came: &Came<'_>,
     instance: impl Fn(usize) -> Aabb,
 ) -> Result<Refitted<W>, BuildError> {
@@ -53,7 +65,20 @@ pub(crate) fn touch<const W: usize>(
     let mut areas = areas;
     let mut parents = memory::try_filled((u32::MAX, 0_u8), nodes.len(), "parents of nodes")?;
     let mut grown = BTreeSet::new();
-    for (at, node) in nodes[..old.nodes.len()].iter_mut().enumerate() {
+    let few = came.numbers == 0 && moved.len() * SHARE <= old.nodes.len();
+    let found = few
+        && moved.iter().all(|&Moved { number, was }| {
+            let leaf = Child::leaf(old.triangles + number, 1);
+            let Some((at, slot)) = find(&nodes, leaf, &was, &mut parents) else { return false };
+            let grown_by = replace(&mut nodes[at], slot, &instance(number));
+            areas.boxes += grown_by;
+            areas.prims += grown_by;
+            grown.insert(at);
+            true
+        });
+    let is_moved = |number: usize| moved.binary_search_by_key(&number, |it| it.number).is_ok();
+    let all = if found { 0 } else { old.nodes.len() };
+    for (at, node) in nodes[..all].iter_mut().enumerate() {
         for slot in 0..used(&node.children) {
             match node.children[slot].kind() {
                 ChildKind::Inner { node: child } => parents[child] = (at as u32, slot as u8),
@@ -62,7 +87,7 @@ pub(crate) fn touch<const W: usize>(
                     let first = if after { first + came.numbers } else { first };
                     node.children[slot] = Child::leaf(first, count);
                     let mut entries = first - old.triangles..first - old.triangles + count;
-                    if entries.any(&moved) {
+                    if entries.any(is_moved) {
                         let grown_by = replace(node, slot, &around(first, count));
                         areas.boxes += grown_by;
                         areas.prims += grown_by;
@@ -113,6 +138,32 @@ pub(crate) fn touch<const W: usize>(
     let mut triangles: Vec<f32> = triangles.to_vec();
     triangles.resize(len, 0.0);
     Ok(Refitted { wide, bounds, areas, triangles })
+}
+
+/// Where a leaf is whose box is known: from the root down through all boxes that hold it. Notes the parents of nodes on the way.
+fn find<const W: usize>(
+    nodes: &[Node<W>],
+    leaf: Child,
+    was: &Aabb,
+    parents: &mut [(u32, u8)],
+) -> Option<(usize, usize)> {
+    let mut open = Vec::from_iter((!nodes.is_empty()).then_some(0));
+    while let Some(at) = open.pop() {
+        let node: &Node<W> = &nodes[at];
+        for slot in 0..used(&node.children) {
+            let child = node.children[slot];
+            if child == leaf {
+                return Some((at, slot));
+            }
+            if let ChildKind::Inner { node: below } = child.kind()
+                && <Plain as Packing<W>>::bounds(node, slot).contains(was)
+            {
+                parents[below] = (at as u32, slot as u8);
+                open.push(below);
+            }
+        }
+    }
+    None
 }
 
 /// A tree that gets new leaves.

@@ -12,7 +12,7 @@ use crate::bounds::Aabb;
 use crate::context::clock::Stopwatch;
 use crate::context::parallel;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{Areas, Came, Content};
+use crate::layout::refit::{self, Areas, Came, Content};
 use crate::layout::wide::Wide;
 use crate::scene::assemble::Level;
 use crate::scene::builder::{BuildOptions, Placed, SceneBuilder};
@@ -245,7 +245,7 @@ impl Edit {
                     None => placed.push(change.clone()),
                 }
             }
-            Part::New(placed)
+            Part::New(placed.into_iter().collect())
         };
         let mut parts: Vec<_> = blocks.map(part).collect();
         let added = self.instances.range(parts.len() * BLOCK..);
@@ -334,14 +334,16 @@ impl Edit {
         // Only the way up from single ones takes some in, or leaves some out.
         let few = !reshaped && (!same || moved.len() < before.instances.len() / 8 + 2);
         let touched = if few {
-            let of = |number: usize| placements.instances.entry(number).0;
-            let moved = |number: usize| {
-                number < placements.instances.entries() && moved.binary_search(&of(number)).is_ok()
-            };
+            // What it was is asked for where nothing is called otherwise now.
+            let numbers = moved.iter().flat_map(|&at| placements.instances.numbers(at));
+            let was = |number| if same { before.instances.bounds(number) } else { Aabb::EMPTY };
+            let moved = numbers.map(|number| refit::Moved { number, was: was(number) });
+            let mut moved: Vec<_> = moved.filter(|it| !same || !it.was.is_empty()).collect();
+            moved.sort_unstable_by_key(|it| it.number);
             touched(
                 &before.layout,
                 (before.bounds, standing.areas, &standing.triangles),
-                moved,
+                &moved,
                 &Came {
                     from: before.instances.len(),
                     numbers: self.counts[1] - before.instances.len(),

@@ -128,7 +128,7 @@ pub(super) fn sweep(
 pub(super) fn touched(
     layout: &Layout,
     tree: (Aabb, Areas, &[f32]),
-    moved: impl Fn(usize) -> bool,
+    moved: &[refit::Moved],
     came: &Came<'_>,
     instance: impl Fn(usize) -> Aabb,
 ) -> Result<Option<Mended>, BuildError> {
