@@ -12,6 +12,7 @@
 //!
 //! Cost: O(n); reads and writes every byte of the layout once.
 
+mod ahead;
 mod areas;
 mod touch;
 
@@ -28,14 +29,12 @@ use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages, Zeroed};
+use ahead::{AHEAD, Ahead};
 use alloc::vec::Vec;
 use areas::{ids_of, of_node};
 
 /// Nodes that one task sweeps.
 const CHUNK: usize = 1024;
-/// Triangles are asked for this many nodes ahead. To ask for their corners, too, one node ahead, gains nothing (33.4 against
-/// 33.7 ms in a kitchen).
-const AHEAD: usize = 2;
 
 /// What the leaves of a layout hold now.
 pub(crate) struct Content<'a, T, I> {
@@ -43,6 +42,8 @@ pub(crate) struct Content<'a, T, I> {
     pub(crate) triangles: &'a T,
     /// Hears of ids that will be asked for soon.
     pub(crate) expect: &'a (dyn Fn(&[u32]) + Sync),
+    /// The same, somewhat later.
+    pub(crate) expect_corners: &'a (dyn Fn(&[u32]) + Sync),
     /// The box of the instance of that number.
     pub(crate) instance: &'a I,
 }
@@ -152,7 +153,6 @@ struct Swept {
 
 /// What the leaves of a node hold.
 struct Leaves {
-    ids: [u32; SLOTS_MAX * LEAF_MAX],
     packed: [Packed; SLOTS_MAX * LEAF_MAX],
     /// The number of the next triangle.
     next: usize,
@@ -163,7 +163,7 @@ struct Leaves {
 impl Leaves {
     fn new(next: usize) -> Self {
         let packed = [Packed::default(); SLOTS_MAX * LEAF_MAX];
-        Self { ids: [0; SLOTS_MAX * LEAF_MAX], packed, next, areas: 0.0 }
+        Self { packed, next, areas: 0.0 }
     }
 }
 
@@ -185,16 +185,15 @@ where
         let Chunk { base, nodes, boxes, areas: own, words, first } = chunk;
         let old = self.old.nodes.get(base..base + nodes.len())?;
 
-        // Leaves go forward, as their words do.
+        // Leaves go forward, as their words do; their ids are read ahead of them.
         let mut leaves = Leaves::new(first);
         let mut words = words;
+        let mut ahead = Ahead::new();
+        (0..AHEAD).for_each(|at| ahead.look((self.old, old), self.content, at));
         for (at, (node, own)) in nodes.iter_mut().zip(own).enumerate() {
-            if let Some(soon) = old.get(at + AHEAD) {
-                self.expect(soon);
-            }
-            let old = &old[at];
+            ahead.look((self.old, old), self.content, at + AHEAD);
             *node = Node::EMPTY;
-            words = self.leaves(old, node, words, &mut leaves, own)?;
+            words = self.leaves(&old[at], node, ahead.of(at), words, &mut leaves, own)?;
         }
 
         // Boxes go backward.
@@ -240,23 +239,13 @@ where
         of_children
     }
 
-    /// Asks for the triangles of a node that is written soon.
-    #[inline(always)]
-    fn expect(&self, node: &K::Node) {
-        let children = K::children(node);
-        let mut ids = [0; LEAF_MAX];
-        for &child in &children[..used(children)] {
-            let count = ids_of(self.old, child, &mut ids);
-            (self.content.expect)(&ids[..count]);
-        }
-    }
-
     /// Fills the slots of a node that hold leaves, and notes its other children; returns the words
     /// that are left.
     fn leaves<'w>(
         &self,
         old: &K::Node,
         node: &mut Node<W>,
+        ids: &[u32],
         words: &'w mut [f32],
         leaves: &mut Leaves,
         own: &mut f32,
@@ -265,11 +254,8 @@ where
         let slots = used(&children);
 
         // Fetch the triangles of all leaves at once.
-        let mut count = 0;
-        for &child in &children[..slots] {
-            count += ids_of(self.old, child, &mut leaves.ids[count..]);
-        }
-        if !(self.content.triangles)(&leaves.ids[..count], &mut leaves.packed[..count]) {
+        let count = ids.len();
+        if !(self.content.triangles)(ids, &mut leaves.packed[..count]) {
             return None;
         }
 
@@ -322,9 +308,10 @@ where
             (*new, bounds) = self.instances(old);
             return Some(bounds);
         };
-        ids_of(self.old, old, &mut leaves.ids);
+        let mut ids = [0; LEAF_MAX];
+        ids_of(self.old, old, &mut ids);
         let packed = &mut leaves.packed[..count];
-        if !(self.content.triangles)(&leaves.ids[..count], packed) {
+        if !(self.content.triangles)(&ids[..count], packed) {
             return None;
         }
         write_block(packed, words.get_mut(..count * TRIANGLE_WORDS)?);

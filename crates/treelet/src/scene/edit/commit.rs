@@ -361,7 +361,13 @@ impl Edit {
             let moved = Moved { geometries: &geometries, before };
             let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
             let expect = |ids: &[u32]| moved.expect(ids);
-            let content = Content { triangles: &fetch, expect: &expect, instance: &single };
+            let expect_corners = |ids: &[u32]| moved.expect_corners(ids);
+            let content = Content {
+                triangles: &fetch,
+                expect: &expect,
+                expect_corners: &expect_corners,
+                instance: &single,
+            };
             let spare = spare.and_then(|spare| Arc::into_inner(spare.structure));
             sweep(&before.layout, &content, spare, &options.context.cancel)?
         };
@@ -402,7 +408,13 @@ fn standing(scene: &Scene) -> Standing {
     let single =
         |number: usize| single(&structure.geometries, &structure.instances, structure, number);
     let expect = |ids: &[u32]| moved.expect(ids);
-    let content = Content { triangles: &fetch, expect: &expect, instance: &single };
+    let expect_corners = |ids: &[u32]| moved.expect_corners(ids);
+    let content = Content {
+        triangles: &fetch,
+        expect: &expect,
+        expect_corners: &expect_corners,
+        instance: &single,
+    };
     appraise(&structure.layout, &content)
 }
 
