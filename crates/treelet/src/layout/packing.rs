@@ -40,6 +40,9 @@ pub(crate) trait Packing<const W: usize>: Copy + Debug + Send + Sync + 'static {
     /// The leaf that begins at `first`.
     fn leaf(leaves: &[Self::Unit], first: usize) -> &Self::Leaf;
 
+    /// Asks for the line in which the ids of a leaf's `count` triangles are.
+    fn expect_ids(leaves: &[Self::Unit], first: usize, count: usize);
+
     /// Which of the `count` triangles of a leaf the ray hits (see [`BlockTest`]).
     ///
     /// [`BlockTest`]: crate::geometry::block::BlockTest

@@ -28,7 +28,7 @@ use crate::bounds::{Aabb, Interval, SlabRay};
 use crate::build::Info;
 use crate::geometry::TriangleRay;
 use crate::geometry::block::{BlockHits, BlockTest};
-use crate::memory::{Pages, zeroed};
+use crate::memory::{Pages, prefetch, zeroed};
 use crate::simd::{Floats, Simd, Wide as Vectors};
 use crate::tree::PRIMS_MAX;
 use alloc::vec::Vec;
@@ -192,6 +192,11 @@ impl<const W: usize> Packing<W> for Plain {
     fn leaf(words: &[f32], first: usize) -> &Block {
         const EMPTY: &Block = &[0.0; BLOCK_WORDS];
         words.get(first * TRIANGLE_WORDS..).and_then(<[f32]>::first_chunk).unwrap_or(EMPTY)
+    }
+
+    #[inline(always)]
+    fn expect_ids(words: &[f32], first: usize, count: usize) {
+        prefetch(words, first * TRIANGLE_WORDS + 9 * count);
     }
 
     #[inline(always)]

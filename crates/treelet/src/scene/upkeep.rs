@@ -28,6 +28,8 @@ pub(super) struct Standing {
     /// What it cost when it was built, see [`Areas::price`].
     pub(super) built: f64,
     pub(super) areas: Areas,
+    /// How often all its boxes were made anew since then.
+    pub(super) sweeps: u32,
     /// What each node cost when it was built.
     pub(super) prices: Arc<Vec<f32>>,
     /// Half areas of the boxes of the triangles in the leaves of each node, now.

@@ -83,6 +83,7 @@ use crate::bounds::{Aabb, Interval, SlabRay};
 use crate::build::Info;
 use crate::geometry::TriangleRay;
 use crate::geometry::block::BlockHits;
+use crate::memory::prefetch;
 use crate::memory::zeroed;
 use crate::simd::{Floats, Simd, Wide};
 
@@ -158,6 +159,11 @@ impl Packing<WIDTH> for Compact {
     fn leaf(bytes: &[u8], first: usize) -> &leaf::Bytes {
         const EMPTY: &leaf::Bytes = &[0; leaf::READ];
         bytes.get(leaf::ALIGN * first..).and_then(<[u8]>::first_chunk).unwrap_or(EMPTY)
+    }
+
+    #[inline(always)]
+    fn expect_ids(bytes: &[u8], first: usize, _: usize) {
+        prefetch(bytes, leaf::ALIGN * first);
     }
 
     #[inline(always)]

@@ -118,6 +118,18 @@ pub(crate) fn around(triangles: &[Packed]) -> (Aabb, f64) {
     (Aabb { lo: [x, y, z], hi: [far_x, far_y, far_z] }, f64::from(areas))
 }
 
+/// Half areas of the boxes of the first `count` triangles, which are a leaf's.
+pub(super) fn of_leaf(words: &[f32], count: usize) -> f32 {
+    let mut areas = 0.0;
+    for triangle in 0..count {
+        let corner = |corner: usize| {
+            [0, 1, 2].map(|axis: usize| words[(3 * corner + axis) * count + triangle])
+        };
+        areas += half_area(&Aabb::of_points(&[corner(0), corner(1), corner(2)]));
+    }
+    areas as f32
+}
+
 /// The box around a node's children, and the sum of their half areas: four children at a time. The box in a slot without a
 /// child is empty.
 #[inline(always)]

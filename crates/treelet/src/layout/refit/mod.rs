@@ -12,7 +12,9 @@
 //!
 //! Cost: O(n); reads and writes every byte of the layout once.
 
+mod ahead;
 mod areas;
+mod rotate;
 mod touch;
 
 pub(crate) use areas::{Areas, Part, areas, around, half_area, survey, triangles_of, used};
@@ -28,14 +30,13 @@ use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages, Zeroed};
+use ahead::{AHEAD, Ahead};
 use alloc::vec::Vec;
-use areas::{ids_of, of_node};
+use areas::{ids_of, of_leaf, of_node};
+use rotate::{Rotations, TURNS, halve};
 
 /// Nodes that one task sweeps.
 const CHUNK: usize = 1024;
-/// Triangles are asked for this many nodes ahead. To ask for their corners, too, one node ahead, gains nothing (33.4 against
-/// 33.7 ms in a kitchen).
-const AHEAD: usize = 2;
 
 /// What the leaves of a layout hold now.
 pub(crate) struct Content<'a, T, I> {
@@ -43,6 +44,8 @@ pub(crate) struct Content<'a, T, I> {
     pub(crate) triangles: &'a T,
     /// Hears of ids that will be asked for soon.
     pub(crate) expect: &'a (dyn Fn(&[u32]) + Sync),
+    /// The same, somewhat later.
+    pub(crate) expect_corners: &'a (dyn Fn(&[u32]) + Sync),
     /// The box of the instance of that number.
     pub(crate) instance: &'a I,
 }
@@ -65,7 +68,8 @@ fn sized<T: Zeroed>(
     if spare.len() == len { Ok(spare) } else { Ok(Pages::zeroed(len, what)?) }
 }
 
-/// The same tree around what its leaves hold now, written over a layout that nobody needs any more if there is one; `None` if a triangle is not fit for it.
+/// The same tree around what its leaves hold now, written over a layout that nobody needs any more if there is one; `None` if a triangle is not fit for it. A
+/// tree that is `worn` is mended a little on the way, other nodes of it each time: which ones, that number says.
 pub(crate) fn refit<K: Packing<W>, const W: usize>(
     old: &Wide<W, K>,
     content: &Content<
@@ -73,6 +77,7 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
         impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
         impl Fn(usize) -> Aabb + Sync,
     >,
+    worn: Option<u32>,
     spare: Option<Wide<W>>,
     cancel: &Cancel,
 ) -> Result<Option<Refitted<W>>, BuildError> {
@@ -91,7 +96,7 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
     let mut own = memory::try_filled(0.0, old.nodes.len(), "areas of nodes")?;
 
     // Sweep the chunks, each from its end.
-    let sweep = Sweep { old, content, triangles };
+    let sweep = Sweep { old, content, triangles, worn };
     let mut rest = &mut *words;
     let mut jobs = Vec::with_capacity(counts.len());
     let mut first = 0;
@@ -114,14 +119,14 @@ pub(crate) fn refit<K: Packing<W>, const W: usize>(
         let Some(Swept { waiting, areas }) = chunk else { return Ok(None) };
         sum.add(areas);
         for at in waiting {
-            sum.boxes += sweep.close(at, &mut nodes, &mut boxes);
+            sum.boxes += sweep.close(at, &mut nodes, &mut boxes, (&mut own, &words));
         }
     }
     let mut root = old.root;
     let mut bounds = boxes.first().copied().unwrap_or(Aabb::EMPTY);
     if !old.root.is_inner() && old.root != Child::END {
         let mut leaves = Leaves::new(first);
-        let Some(around) = sweep.leaf(old.root, &mut root, rest, &mut leaves) else {
+        let Some(around) = sweep.leaf(old.root, &mut root, &mut words, &mut leaves) else {
             return Ok(None);
         };
         bounds = around;
@@ -152,10 +157,11 @@ struct Swept {
 
 /// What the leaves of a node hold.
 struct Leaves {
-    ids: [u32; SLOTS_MAX * LEAF_MAX],
     packed: [Packed; SLOTS_MAX * LEAF_MAX],
     /// The number of the next triangle.
     next: usize,
+    /// Whether they may be taken apart.
+    apart: bool,
     /// Half areas of the primitives so far.
     areas: f64,
 }
@@ -163,7 +169,7 @@ struct Leaves {
 impl Leaves {
     fn new(next: usize) -> Self {
         let packed = [Packed::default(); SLOTS_MAX * LEAF_MAX];
-        Self { ids: [0; SLOTS_MAX * LEAF_MAX], packed, next, areas: 0.0 }
+        Self { packed, next, apart: false, areas: 0.0 }
     }
 }
 
@@ -172,6 +178,7 @@ struct Sweep<'a, K: Packing<W>, T, I, const W: usize> {
     content: &'a Content<'a, T, I>,
     /// Of all leaves, as they are numbered now.
     triangles: usize,
+    worn: Option<u32>,
 }
 
 impl<K, T, I, const W: usize> Sweep<'_, K, T, I, W>
@@ -185,22 +192,23 @@ where
         let Chunk { base, nodes, boxes, areas: own, words, first } = chunk;
         let old = self.old.nodes.get(base..base + nodes.len())?;
 
-        // Leaves go forward, as their words do.
+        // Leaves go forward, as their words do; their ids are read ahead of them.
         let mut leaves = Leaves::new(first);
-        let mut words = words;
-        for (at, (node, own)) in nodes.iter_mut().zip(own).enumerate() {
-            if let Some(soon) = old.get(at + AHEAD) {
-                self.expect(soon);
-            }
-            let old = &old[at];
+        let mut rest = &mut *words;
+        let mut ahead = Ahead::new();
+        (0..AHEAD).for_each(|at| ahead.look((self.old, old), self.content, at));
+        for (at, (node, own)) in nodes.iter_mut().zip(&mut *own).enumerate() {
+            ahead.look((self.old, old), self.content, at + AHEAD);
             *node = Node::EMPTY;
-            words = self.leaves(old, node, words, &mut leaves, own)?;
+            leaves.apart = self.is_turn(base + at);
+            rest = self.leaves(&old[at], node, ahead.of(at), rest, &mut leaves, own)?;
         }
 
         // Boxes go backward.
         let mut waiting = Vec::new();
         let mut waits = alloc::vec![false; nodes.len()];
         let mut areas = Areas { boxes: 0.0, prims: leaves.areas };
+        let of_leaf = |leaf: Child| self.area_of(leaf, words, first);
         for at in (0..nodes.len()).rev() {
             let node = &mut nodes[at];
             let slots = used(&node.children);
@@ -220,13 +228,24 @@ where
                 let of_children;
                 (boxes[at], of_children) = of_node(&node.planes);
                 areas.boxes += of_children;
+                if self.is_turn(base + at) {
+                    let triangles = &mut *own;
+                    let mut tree = Rotations { nodes, base, triangles, of_leaf };
+                    areas.boxes -= tree.rotate(at, half_area(&boxes[at]));
+                }
             }
         }
         Some(Swept { waiting, areas })
     }
 
-    /// Writes a node whose children are known by now; returns their half areas.
-    fn close(&self, at: usize, nodes: &mut [Node<W>], boxes: &mut [Aabb]) -> f64 {
+    /// Writes a node whose children are known by now; returns their half areas. `own` are those of the triangles in the leaves of each node.
+    fn close(
+        &self,
+        at: usize,
+        nodes: &mut [Node<W>],
+        boxes: &mut [Aabb],
+        (own, words): (&mut [f32], &[f32]),
+    ) -> f64 {
         let node = &mut nodes[at];
         let slots = used(&node.children);
         for slot in 0..slots {
@@ -237,17 +256,26 @@ where
         }
         let of_children;
         (boxes[at], of_children) = of_node(&node.planes);
-        of_children
+        if self.worn.is_none() {
+            return of_children;
+        }
+        let of_leaf = |leaf: Child| self.area_of(leaf, words, 0);
+        let mut tree = Rotations { nodes, base: 0, triangles: own, of_leaf };
+        of_children - tree.rotate(at, half_area(&boxes[at]))
     }
 
-    /// Asks for the triangles of a node that is written soon.
-    #[inline(always)]
-    fn expect(&self, node: &K::Node) {
-        let children = K::children(node);
-        let mut ids = [0; LEAF_MAX];
-        for &child in &children[..used(children)] {
-            let count = ids_of(self.old, child, &mut ids);
-            (self.content.expect)(&ids[..count]);
+    /// Whether a node is looked at more closely in this sweep.
+    fn is_turn(&self, at: usize) -> bool {
+        self.worn.is_some_and(|turn| at as u32 % TURNS == turn % TURNS)
+    }
+
+    /// Half areas of the triangles in a leaf whose words are among those from triangle `from` on.
+    fn area_of(&self, leaf: Child, words: &[f32], from: usize) -> f32 {
+        match leaf.kind() {
+            ChildKind::Leaf { first, count } if first < self.triangles => {
+                of_leaf(&words[(first - from) * TRIANGLE_WORDS..], count)
+            }
+            _ => 0.0,
         }
     }
 
@@ -257,6 +285,7 @@ where
         &self,
         old: &K::Node,
         node: &mut Node<W>,
+        ids: &[u32],
         words: &'w mut [f32],
         leaves: &mut Leaves,
         own: &mut f32,
@@ -265,27 +294,38 @@ where
         let slots = used(&children);
 
         // Fetch the triangles of all leaves at once.
-        let mut count = 0;
-        for &child in &children[..slots] {
-            count += ids_of(self.old, child, &mut leaves.ids[count..]);
-        }
-        if !(self.content.triangles)(&leaves.ids[..count], &mut leaves.packed[..count]) {
+        let count = ids.len();
+        if !(self.content.triangles)(ids, &mut leaves.packed[..count]) {
             return None;
         }
 
-        // Write them leaf by leaf.
+        // Write them leaf by leaf; what was taken apart goes on in the next free slot.
         let mut areas = 0.0;
+        let mut free = slots;
         let (mut words, rest) = words.split_at_mut(count * TRIANGLE_WORDS);
-        let mut packed = &leaves.packed[..count];
+        let mut packed = &mut leaves.packed[..count];
         for (slot, &child) in children[..slots].iter().enumerate() {
             if let Some(count) = triangles_of(self.old, child) {
-                let (triangles, others) = packed.split_at(count);
+                let (triangles, others) = packed.split_at_mut(count);
                 let (block, after) = words.split_at_mut(count * TRIANGLE_WORDS);
-                write_block(triangles, block);
                 (packed, words) = (others, after);
                 let (bounds, prims) = around(triangles);
                 areas += prims;
-                node.set(slot, &bounds, Child::leaf(leaves.next, count));
+                let apart = leaves.apart && free < W;
+                let half = if apart { halve(triangles, &bounds, prims) } else { None };
+                if let Some(half) = half {
+                    let (one, other) = triangles.split_at(half);
+                    let (block, of_other) = block.split_at_mut(half * TRIANGLE_WORDS);
+                    write_block(one, block);
+                    write_block(other, of_other);
+                    node.set(slot, &around(one).0, Child::leaf(leaves.next, half));
+                    let rest = Child::leaf(leaves.next + half, count - half);
+                    node.set(free, &around(other).0, rest);
+                    free += 1;
+                } else {
+                    write_block(triangles, block);
+                    node.set(slot, &bounds, Child::leaf(leaves.next, count));
+                }
                 leaves.next += count;
             } else if child.is_inner() {
                 node.children[slot] = child;
@@ -322,9 +362,10 @@ where
             (*new, bounds) = self.instances(old);
             return Some(bounds);
         };
-        ids_of(self.old, old, &mut leaves.ids);
+        let mut ids = [0; LEAF_MAX];
+        ids_of(self.old, old, &mut ids);
         let packed = &mut leaves.packed[..count];
-        if !(self.content.triangles)(&leaves.ids[..count], packed) {
+        if !(self.content.triangles)(&ids[..count], packed) {
             return None;
         }
         write_block(packed, words.get_mut(..count * TRIANGLE_WORDS)?);

@@ -79,7 +79,7 @@ impl Edit {
         let mut ledger = self.ledger();
         let followed = match self.policy {
             Policy::Rebuild => Err(Reason::Asked),
-            _ => self.follow(options)?,
+            _ => self.follow(&ledger, options)?,
         };
         let (reason, before) = match followed {
             Err(reason) => (reason, None),
@@ -292,6 +292,7 @@ impl Edit {
     /// The tree around what moved; or why it cannot stay.
     fn follow(
         &mut self,
+        ledger: &Ledger,
         options: &BuildOptions<'_>,
     ) -> Result<Result<Followed, Reason>, SceneError> {
         let spare = self.spare.take();
@@ -326,7 +327,7 @@ impl Edit {
         // Mend the boxes: all of them, or those that few instances are in.
         let single = |number: usize| single(&geometries, &placements.instances, before, number);
         let known = self.before.upkeep.standing.clone();
-        let standing = known.unwrap_or_else(|| standing(&self.before));
+        let mut standing = known.unwrap_or_else(|| standing(&self.before));
         // A tree of one leaf has no node to put another one into.
         if !came.is_empty() && !before.layout.root().is_inner() {
             return Ok(Err(Reason::Different));
@@ -363,9 +364,18 @@ impl Edit {
             let moved = Moved { geometries: &geometries, before };
             let fetch = |ids: &[u32], packed: &mut [Packed]| moved.fetch(ids, packed);
             let expect = |ids: &[u32]| moved.expect(ids);
-            let content = Content { triangles: &fetch, expect: &expect, instance: &single };
+            let expect_corners = |ids: &[u32]| moved.expect_corners(ids);
+            let content = Content {
+                triangles: &fetch,
+                expect: &expect,
+                expect_corners: &expect_corners,
+                instance: &single,
+            };
             let spare = spare.and_then(|spare| Arc::into_inner(spare.structure));
-            sweep(&before.layout, &content, spare, &options.context.cancel)?
+            standing.sweeps = standing.sweeps.wrapping_add(1);
+            let is_worn = ledger.is_worn(standing.areas.price() / standing.built);
+            let worn = is_worn.then_some(standing.sweeps);
+            sweep(&before.layout, &content, worn, spare, &options.context.cancel)?
         };
         let Some(mended) = mended else { return Ok(Err(Reason::Unfit)) };
         if alone && reshaped {
@@ -404,7 +414,13 @@ fn standing(scene: &Scene) -> Standing {
     let single =
         |number: usize| single(&structure.geometries, &structure.instances, structure, number);
     let expect = |ids: &[u32]| moved.expect(ids);
-    let content = Content { triangles: &fetch, expect: &expect, instance: &single };
+    let expect_corners = |ids: &[u32]| moved.expect_corners(ids);
+    let content = Content {
+        triangles: &fetch,
+        expect: &expect,
+        expect_corners: &expect_corners,
+        instance: &single,
+    };
     appraise(&structure.layout, &content)
 }
 

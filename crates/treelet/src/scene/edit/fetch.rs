@@ -28,6 +28,18 @@ impl Moved<'_> {
         }
     }
 
+    /// Asks for corners that are needed soon.
+    pub(super) fn expect_corners(&self, ids: &[u32]) {
+        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
+            let (positions, triangles) = (mesh.positions(), mesh.triangles());
+            for &id in ids {
+                for vertex in triangles[id as usize] {
+                    prefetch(positions, vertex as usize);
+                }
+            }
+        }
+    }
+
     /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
     /// Whether all triangles are fit for a scene.
     pub(super) fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {

@@ -23,6 +23,8 @@ const REPAIR_SHARE: f64 = 0.2;
 const TRUST_MIN: f64 = 0.1;
 /// Promises below this say nothing about what they are worth.
 const PROMISE_MIN: f64 = 0.02;
+/// What has decayed by more, since it was last as good as it was, is rotated while it is refitted.
+const WORN: f64 = 1.02;
 /// Under a budget, what has decayed less than this is left alone.
 const NEGLIGIBLE: f64 = 1.02;
 
@@ -124,6 +126,11 @@ impl Ledger {
                 }
             }
         }
+    }
+
+    /// Whether it pays to look for rotations in a tree that costs `decay` times what it did when it was built.
+    pub(super) fn is_worn(&self, decay: f64) -> bool {
+        decay > WORN * self.repairs.least
     }
 
     /// Takes down a repair: of a tree that had decayed to `before`, to `after`.

@@ -97,7 +97,7 @@ impl Mended {
     }
 }
 
-/// All boxes anew; `None` if a triangle is not fit.
+/// All boxes anew; `None` if a triangle is not fit. See [`refit`].
 pub(super) fn sweep(
     layout: &Layout,
     content: &Content<
@@ -105,6 +105,7 @@ pub(super) fn sweep(
         impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
         impl Fn(usize) -> Aabb + Sync,
     >,
+    worn: Option<u32>,
     spare: Option<Structure>,
     cancel: &Cancel,
 ) -> Result<Option<Mended>, BuildError> {
@@ -113,14 +114,16 @@ pub(super) fn sweep(
         spare.map(|mut spare| mem::replace(&mut spare.layout, Layout::Wide8(Wide::nothing())));
     Ok(match (layout, spare) {
         (Layout::Wide8(wide), Some(Layout::Wide8(spare))) => {
-            refit(wide, content, Some(spare), cancel)?.map(Mended::Wide8)
+            refit(wide, content, worn, Some(spare), cancel)?.map(Mended::Wide8)
         }
         (Layout::Wide16(wide), Some(Layout::Wide16(spare))) => {
-            refit(wide, content, Some(spare), cancel)?.map(Mended::Wide16)
+            refit(wide, content, worn, Some(spare), cancel)?.map(Mended::Wide16)
         }
-        (Layout::Wide8(wide), _) => refit(wide, content, None, cancel)?.map(Mended::Wide8),
-        (Layout::Wide16(wide), _) => refit(wide, content, None, cancel)?.map(Mended::Wide16),
-        (Layout::Compact(wide), _) => refit(wide, content, None, cancel)?.map(Mended::Compact),
+        (Layout::Wide8(wide), _) => refit(wide, content, worn, None, cancel)?.map(Mended::Wide8),
+        (Layout::Wide16(wide), _) => refit(wide, content, worn, None, cancel)?.map(Mended::Wide16),
+        (Layout::Compact(wide), _) => {
+            refit(wide, content, worn, None, cancel)?.map(Mended::Compact)
+        }
     })
 }
 
@@ -158,6 +161,7 @@ pub(super) fn appraise(
             let prices = refit::survey($wide, &triangles).iter().map(Part::price).collect();
             Standing {
                 built: areas.price(),
+                sweeps: 0,
                 areas,
                 prices: Arc::new(prices),
                 triangles: triangles.into(),
