@@ -470,7 +470,7 @@ fn odd_motion_is_answered() {
     }
 }
 
-/// Edits of scenes with motion: instances keep moving, meshes are built anew, and it is said.
+/// Edits of scenes with motion: instances and meshes keep moving, the tree stays where only what stands still is elsewhere.
 #[test]
 fn edits_keep_what_moves() {
     let soup = awkward::random_triangles(50, 2.0, 0.5);
@@ -493,12 +493,12 @@ fn edits_keep_what_moves() {
     let mut edit = meshes.edit();
     edit.set_positions(1, soup.clone().mapped(|p| [p[0] + 1.0, p[1], p[2]]).positions).unwrap();
     let commit = edit.commit(&options).unwrap();
-    assert_eq!(commit.reason, Reason::Moving);
+    assert_eq!(commit.reason, Reason::Same);
     hold("bent", &commit.scene, &rays(&commit.scene, 300, SEED));
     let mut edit = commit.scene.edit();
     edit.set_shape(1, turning(&soup, 4, 1.0, [0.0; 3])).unwrap();
     let commit = edit.commit(&options).unwrap();
-    assert_eq!(commit.reason, Reason::Moving);
+    assert_eq!(commit.reason, Reason::Different);
     assert_eq!(commit.scene.segments().len(), 2);
     hold("turned", &commit.scene, &rays(&commit.scene, 300, SEED));
 }

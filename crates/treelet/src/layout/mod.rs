@@ -2,6 +2,7 @@
 
 pub(crate) mod collapse;
 pub mod compact;
+pub(crate) mod exchange;
 mod greedy;
 pub(crate) mod lower;
 pub(crate) mod moving;

@@ -31,6 +31,7 @@ use crate::layout::moving::{Segment, Span, areas, widened_way};
 use crate::math::pose::Moment;
 use crate::trace::moving::{MovingMesh, Trees};
 use crate::trace::structure::{Geometry, Layout, Structure};
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// The most segments of time, and so trees, of a mesh: the factor by which temporal splits may multiply its nodes.
@@ -128,19 +129,27 @@ fn check(
     Ok(all)
 }
 
-/// Builds the trees of the meshes that move on a level, and puts them there.
+/// Builds the trees of the meshes that move on a level, but for those of geometries that are `known`, and puts them there.
 pub(super) fn build(
     structure: &mut Structure,
-    moving: &[Moving],
+    (moving, known): (&[Moving], &[(usize, MovingMesh)]),
     plan: &Plan<'_>,
     options: &BuildOptions<'_>,
 ) -> Result<(), SceneError> {
     for moving in moving {
-        let Moving { geom, first_id, .. } = *moving;
+        let Moving { geom, first_id, bounds, .. } = *moving;
         let Geometry { shape: Shape::Mesh(mesh), mask } = &structure.geometries[geom] else {
             continue;
         };
-        let maker = Maker { moving, mesh, first_id, plan, options };
+        let is_wide8 = matches!(structure.layout, Layout::Wide8(_));
+        let known = known.iter().find(|(at, known)| *at == geom && known.is_wide8() == is_wide8);
+        if let Some((_, known)) = known {
+            structure.repeats |= known.repeats;
+            structure.moves = true;
+            structure.moving.push(MovingMesh { geom, first_id, mask: *mask, ..known.clone() });
+            continue;
+        }
+        let maker = Maker { moving, mesh, plan, options };
         let (trees, cut, repeats) = match structure.layout {
             Layout::Wide8(_) => {
                 let (segments, cut, repeats) = maker.segments::<8>()?;
@@ -162,7 +171,9 @@ pub(super) fn build(
             steps: mesh.steps(),
             parts,
             strides,
-            trees,
+            bounds,
+            repeats,
+            trees: Arc::new(trees),
         });
     }
     Ok(())
@@ -197,7 +208,6 @@ impl Cut {
 struct Maker<'a> {
     moving: &'a Moving,
     mesh: &'a Mesh,
-    first_id: u32,
     plan: &'a Plan<'a>,
     options: &'a BuildOptions<'a>,
 }
@@ -245,7 +255,7 @@ impl Maker<'_> {
     fn add<const W: usize>(&self, span: Span, tried: &mut Tried<W>) -> Result<(), SceneError> {
         /// Where in a segment areas are looked at.
         const LOOKS: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
-        let Self { mesh, moving: Moving { which, .. }, first_id, plan, options, .. } = self;
+        let Self { mesh, moving: Moving { which, .. }, plan, options } = self;
         let cancel: &Cancel = &options.context.cancel;
         let steps = mesh.steps();
         let middle = Moment::at(span.middle(), steps);
@@ -264,16 +274,16 @@ impl Maker<'_> {
             for (&at, packed) in prims.iter().zip(packed) {
                 let prim = which[at as usize];
                 let corners = mesh.corners_of(prim as usize, middle).unwrap_or_default();
-                *packed = Packed { corners, id: first_id + prim };
+                *packed = Packed { corners, id: prim };
             }
         };
         let wide = lower::<W>(&tree, Numbered::NONE, &source, plan.collapse, cancel)?;
         tried.middle += areas(&wide.nodes);
 
         // The same, moving.
-        let corners = |id: u32, step: usize| {
+        let corners = |prim: u32, step: usize| {
             let moment = Moment::at(step as f32, steps);
-            mesh.corners_of((id - first_id) as usize, moment).unwrap_or_default()
+            mesh.corners_of(prim as usize, moment).unwrap_or_default()
         };
         let segment = Segment::new(wide, span, &corners, cancel)?;
         let look = |share: &f32| segment.areas(share * (span.end - span.start));

@@ -142,11 +142,15 @@ impl Located {
                 None => locate(&placed),
                 Some(steps) => travel::locate(&placed.structure, steps),
             };
+            let Placed { structure, mut world_from_object, mask, steps } = placed;
             let place = located.unwrap_or_else(|defect| {
                 defects.push((at, defect));
+                // Whoever places it again must not take its first step for all of its way.
+                if steps.is_some() {
+                    world_from_object = Affine([[f32::NAN; 4]; 3]);
+                }
                 Place::NOWHERE
             });
-            let Placed { structure, world_from_object, mask, .. } = placed;
             let Place { object_from_world, bounds, reach, norms, motion } = place;
             all_norms.push(norms);
             if !bounds.is_empty() {

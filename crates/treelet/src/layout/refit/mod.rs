@@ -15,8 +15,10 @@
 mod areas;
 mod touch;
 
-pub(crate) use areas::{Areas, Part, areas, around, half_area, survey, triangles_of, used};
-pub(crate) use touch::{Came, touch};
+pub(crate) use areas::{
+    Areas, Part, areas, around, half_area, ids_of, of_node, survey, triangles_of, used,
+};
+pub(crate) use touch::{own_box, touch};
 
 use super::lower::Packed;
 use super::packing::Packing;
@@ -29,7 +31,6 @@ use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages, Zeroed};
 use alloc::vec::Vec;
-use areas::{ids_of, of_node};
 
 /// Nodes that one task sweeps.
 const CHUNK: usize = 1024;
