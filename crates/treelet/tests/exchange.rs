@@ -289,3 +289,161 @@ fn whatever_comes_and_goes_the_answers_are_those_of_a_fresh_build() {
         "{kept} kept, {exchanged} of them with what came or went"
     );
 }
+
+/// Many triangles, and something small beside them.
+fn pair(options: &BuildOptions<'_>) -> Told {
+    let shapes = [closed::sphere(60, 30), awkward::random_triangles(40, 0.4, 0.2)];
+    let mesh = |shape: &treelet_testkit::Shape| {
+        Mesh::new(shape.positions.clone(), shape.triangles.clone()).into()
+    };
+    let cube = closed::cube();
+    let cube = Mesh::new(cube.positions, cube.triangles);
+    let object = Scene::builder().mesh(cube).build(options).unwrap();
+    let instances = vec![(object, vec![Affine::translation([4.0, 0.0, 0.0])], u32::MAX)];
+    Told { shapes: shapes.iter().map(|shape| (mesh(shape), u32::MAX)).collect(), instances }
+}
+
+#[test]
+fn a_commit_says_what_came_and_went_and_the_tree_stays_good() {
+    let mut random = Random::new(SEED);
+    for &layout in LayoutChoice::ALL {
+        let options = BuildOptions { layout: Some(layout), ..BuildOptions::default() };
+        let mut told = pair(&options);
+        let mut scene = told.build(&options);
+        let few = |added, removed| (Reason::Few, Parts { added, removed, ..Parts::default() });
+        let said = |commit: &treelet::scene::Commit| (commit.reason, commit.parts);
+        for step in 0..20 {
+            // Another number of triangles: some go, others come.
+            let new = triangles(30 + step, 0.2, &mut random);
+            let mut edit = scene.edit();
+            edit.set_shape(1, new.clone()).unwrap();
+            edit.policy = Policy::Refit;
+            let commit = edit.commit(&options).unwrap();
+            assert_eq!((commit.action, said(&commit)), (Action::Refitted, few(1, 1)), "{commit}");
+            told.shapes[1].0 = new.into();
+            scene = commit.scene;
+        }
+        check("twenty times another", &scene, &told, &options, &mut random);
+        // Nodes that hold nothing any more are not kept, and boxes did not grow.
+        let fresh = told.build(&options);
+        let most = fresh.trace_bytes() + fresh.trace_bytes() / 10;
+        assert!(scene.trace_bytes() < most, "{} of {most}", scene.trace_bytes());
+        let mut work = [Counters::default(); 2];
+        for ray in verify::rays(&fresh, 400, SEED) {
+            scene.closest_counted(&ray, &mut work[0]);
+            fresh.closest_counted(&ray, &mut work[1]);
+        }
+        let [grown, new] = work.map(|work| work.nodes as f64);
+        assert!(grown < 1.25 * new, "{layout:?}: {grown} nodes, {new} in a new tree");
+
+        // Nothing, something, and most of it.
+        let mut edit = scene.edit();
+        edit.remove_shape(1).unwrap();
+        let commit = edit.commit(&options).unwrap();
+        assert_eq!(said(&commit), few(0, 1), "{commit}");
+        let text = commit.to_string();
+        assert!(text.contains("0 added and 1 removed"), "{text}");
+        let mut edit = commit.scene.edit();
+        edit.set_shape(1, Spheres::new(balls(3, &mut random))).unwrap();
+        edit.policy = Policy::Refit;
+        let commit = edit.commit(&options).unwrap();
+        assert_eq!(said(&commit), few(1, 0), "{commit}");
+        let mut edit = commit.scene.edit();
+        edit.set_shape(1, triangles(2000, 0.5, &mut random)).unwrap();
+        let commit = edit.commit(&options).unwrap();
+        assert_eq!((commit.action, commit.reason), (Action::Rebuilt, Reason::Different));
+        let mut edit = scene.edit();
+        edit.remove_shape(1).unwrap();
+        edit.policy = Policy::Rebuild;
+        let commit = edit.commit(&options).unwrap();
+        assert_eq!((commit.action, commit.reason), (Action::Rebuilt, Reason::Asked));
+    }
+}
+
+#[test]
+fn what_is_wrong_with_what_came_is_named() {
+    let options = BuildOptions::default();
+    let strict = BuildOptions { invalid: Invalid::Error, ..BuildOptions::default() };
+    let told = pair(&options);
+    let scene = told.build(&options);
+    let wrong = |change: &dyn Fn(&mut treelet::scene::Edit)| {
+        let mut edit = scene.edit();
+        change(&mut edit);
+        edit.commit(&strict).unwrap_err()
+    };
+    let positions = vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, f32::NAN, 0.0], [0.0, 1.0, 0.0]];
+    let broken = Mesh::new(positions.clone(), [[0, 1, 3], [0, 1, 2]]);
+    let error = wrong(&|edit| {
+        edit.add_shape(broken.clone());
+    });
+    let SceneError::Triangle { geom: 2, prim: 1, defect: Defect::BadVertex { vertex: 2, .. } } =
+        error
+    else {
+        panic!("{error}")
+    };
+    let error = wrong(&|edit| edit.set_shape(1, Spheres::new([[0.0, 0.0, 0.0, -1.0]])).unwrap());
+    assert!(matches!(error, SceneError::Primitive { geom: 1, prim: 0, .. }), "{error}");
+    let steps: [Array<[f32; 3]>; 2] = [positions.clone().into(), positions[..3].to_vec().into()];
+    let uneven = Mesh::moving(steps, [[0, 1, 3]]);
+    let error = wrong(&|edit| edit.set_shape(1, uneven.clone()).unwrap());
+    assert_eq!(error, SceneError::Steps { geom: 1, step: 1, vertices: 3, first: 4 });
+    let mirror = Affine::scaling([-1.0, 1.0, 1.0]);
+    let error = wrong(&|edit| edit.set_motion(0, &[Affine::IDENTITY, mirror]).unwrap());
+    let defect = InstanceDefect::Mirrored { step: 1 };
+    assert_eq!(error, SceneError::Instance { instance: 0, defect });
+    let flat = Affine::scaling([1.0, 0.0, 1.0]);
+    let error = wrong(&|edit| {
+        edit.add_instance_moving(&scene, &[Affine::IDENTITY, flat]);
+    });
+    let defect = InstanceDefect::Step { step: 1, rows: flat.0 };
+    assert_eq!(error, SceneError::Instance { instance: 1, defect });
+    let missing = EditError::NoInstance { instance: 7, instances: 1 };
+    assert_eq!(scene.edit().set_motion(7, &[mirror]), Err(missing));
+
+    // What was left out is counted, and looked at again when it is elsewhere.
+    let mut random = Random::new(SEED);
+    let mut edit = scene.edit();
+    edit.add_shape(broken.clone());
+    let commit = edit.commit(&options).unwrap();
+    assert_eq!(commit.reason, Reason::Few);
+    let skipped = &commit.scene.report().skipped;
+    assert_eq!((skipped.triangles, skipped.first_triangle.map(|it| it.0)), (1, Some(2)));
+    let mut edit = commit.scene.edit();
+    let mended: Vec<_> =
+        positions.iter().map(|p| p.map(|x| if x.is_nan() { 2.0 } else { x })).collect();
+    edit.set_positions(2, mended.clone()).unwrap();
+    let commit = edit.commit(&options).unwrap();
+    assert_eq!((commit.action, commit.reason), (Action::Rebuilt, Reason::Unfit));
+    let mut told = told;
+    told.shapes.push((broken.with_positions(mended).into(), u32::MAX));
+    check("mended", &commit.scene, &told, &options, &mut random);
+}
+
+/// The way of an instance that cannot be used, or holds nothing for now, is not forgotten and not taken for another.
+#[test]
+fn ways_are_kept_by_who_is_nowhere() {
+    let mut random = Random::new(SEED);
+    let options = BuildOptions::default();
+    let mut told = pair(&options);
+    let cube = told.instances[0].0.clone();
+    let nothing = Scene::builder().build(&options).unwrap();
+    let way = [Affine::IDENTITY, Affine::translation([0.0, 5.0, 0.0])];
+    let mirrored = [Affine::IDENTITY, Affine::scaling([-1.0, 1.0, 1.0])];
+    told.instances.push((nothing, way.to_vec(), u32::MAX));
+    told.instances.push((cube.clone(), mirrored.to_vec(), u32::MAX));
+    let scene = told.build(&options);
+    let mut edit = scene.edit();
+    edit.set_scene(1, &cube).unwrap();
+    told.instances[1].0 = cube.clone();
+    let commit = edit.commit(&options).unwrap();
+    assert_eq!((commit.reason, commit.parts.added), (Reason::Few, 1), "{commit}");
+    check("given something", &commit.scene, &told, &options, &mut random);
+    let ray = Ray::new([0.0, 5.0, -9.0], [0.0, 0.0, 1.0]);
+    assert!(commit.scene.any(&ray.at_time(1.0)) && !commit.scene.any(&ray));
+    let mut edit = commit.scene.edit();
+    edit.set_motion(2, &way).unwrap();
+    told.instances[2].1 = way.to_vec();
+    let commit = edit.commit(&options).unwrap();
+    assert_eq!((commit.reason, commit.parts.added), (Reason::Few, 1), "{commit}");
+    check("set right", &commit.scene, &told, &options, &mut random);
+}

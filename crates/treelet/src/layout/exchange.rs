@@ -65,8 +65,6 @@ pub(crate) struct Exchanged<const W: usize> {
     pub(crate) refitted: Refitted<W>,
     /// What each node cost when it was built.
     pub(crate) prices: Vec<f32>,
-    /// Half areas of the boxes of what stayed.
-    pub(crate) stayed: f64,
 }
 
 /// Why a tree is not exchanged.
@@ -78,7 +76,7 @@ pub(crate) enum Refused {
 }
 
 /// The tree without what went and with what came. `content` names everything as it is named now; `prices` are what the nodes cost
-/// when they were built; `numbers` is how many instances, parts and ids there are now.
+/// when they were built, none if nobody will ask; `numbers` is how many instances, parts and ids there are now.
 pub(crate) fn exchange<K: Packing<W>, const W: usize>(
     old: &Wide<W, K>,
     stay: &Stay<'_>,
@@ -98,15 +96,13 @@ pub(crate) fn exchange<K: Packing<W>, const W: usize>(
     let Some(thinned) = thin(old, stay, content, [nodes, triangles], cancel)? else {
         return Ok(Err(Refused::Unfit));
     };
-    let stayed = thinned.prims;
     if thinned.is_empty() || thinned.triangles + triangles + numbers > ENTRIES_MAX {
         return Ok(Err(Refused::Different));
     }
 
     let mut stock = Stock::new(thinned, triangles, prices)?;
     twigs.iter().for_each(|twig| stock.graft(twig));
-    let exchanged = stock.arranged(cancel)?;
-    Ok(Ok(Exchanged { stayed, ..exchanged }))
+    Ok(Ok(stock.arranged(cancel)?))
 }
 
 impl<const W: usize> Twig<'_, W> {
@@ -189,6 +185,6 @@ impl<const W: usize> Stock<W> {
         }
         let refitted =
             Refitted { wide, bounds, areas: Areas { boxes: sum, prims }, triangles: areas };
-        Ok(Exchanged { refitted, prices, stayed: prims })
+        Ok(Exchanged { refitted, prices })
     }
 }

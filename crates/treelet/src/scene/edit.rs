@@ -15,6 +15,7 @@ mod ledger;
 mod mend;
 mod nothing;
 mod said;
+mod spans;
 mod sprouts;
 
 use super::Scene;

@@ -14,7 +14,7 @@ use crate::build::BuildError;
 use crate::layout::packing::Packing;
 use crate::layout::refit::{half_area, used};
 use crate::layout::wide::{Child, ChildKind, Node, Plain, TRIANGLE_WORDS};
-use crate::memory::Pages;
+use crate::memory::{self, Pages};
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
@@ -69,8 +69,10 @@ impl<const W: usize> Stock<W> {
         prices: &[f32],
     ) -> Result<Self, BuildError> {
         let Thinned { nodes, len, words, triangles, areas, prims } = thinned;
-        let mut all = crate::memory::try_with_capacity(nodes.len(), "prices of nodes")?;
+        let mut all = memory::try_with_capacity(nodes.len(), "prices of nodes")?;
         all.extend(prices);
+        // Nobody may ask.
+        all.resize(len, 0.0);
         let (prices, next, triangles) = (all, triangles, triangles + more);
         Ok(Self { nodes, len, words, triangles, prices, areas, prims, next })
     }

@@ -178,6 +178,7 @@ impl Edit {
         let mut structure = level.structure();
         structure.moves |= !moving.is_empty();
         structure.moving = moving;
+        structure.spans = self.spans(&structure, &followed.came, &options.context.cancel)?;
         let mut report = Arc::clone(&self.before.report);
         if followed.skipped != Skipped::default() {
             Arc::make_mut(&mut report).skipped.add(&followed.skipped);

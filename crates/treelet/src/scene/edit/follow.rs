@@ -9,7 +9,7 @@ use super::{Edit, Parts, Reason};
 use crate::bounds::Aabb;
 use crate::layout::exchange::Stay;
 use crate::layout::lower::Packed;
-use crate::layout::refit::{Content, half_area};
+use crate::layout::refit::Content;
 use crate::scene::builder::{BuildOptions, Placed};
 use crate::scene::gather::first_ids;
 use crate::scene::place::{self, Part, Placements, place_instances};
@@ -35,6 +35,8 @@ pub(super) struct Followed {
     pub(super) standing: Standing,
     /// What came and went.
     pub(super) parts: Parts,
+    /// The instances that came.
+    pub(super) came: Vec<usize>,
     /// Whether of what came, something lies in several leaves.
     pub(super) repeats: bool,
     /// What was left out of what came.
@@ -122,6 +124,7 @@ impl Edit {
             mended,
             standing,
             parts,
+            came: changes.came,
             skipped,
         }))
     }
@@ -181,22 +184,8 @@ impl Edit {
             &standing.prices,
             &options.context.cancel,
         )?;
-        Ok(exchanged.map(|(mended, prices, stayed)| {
+        Ok(exchanged.map(|(mended, prices)| {
             standing.prices = Arc::new(prices);
-            // What came is as good as it can be: only where it is put makes the tree dearer.
-            let (mut boxes, mut prims) = (standing.built * stayed, stayed);
-            for sprig in &sprigs {
-                let (more, own) = match sprig {
-                    Sprig::Single(_, bounds) => (half_area(bounds), half_area(bounds)),
-                    Sprig::Tree { sprout, .. } => {
-                        (sprout.standing.areas.boxes, sprout.standing.areas.prims)
-                    }
-                };
-                (boxes, prims) = (boxes + more, prims + own);
-            }
-            if boxes > 0.0 && prims > 0.0 {
-                standing.built = boxes / prims;
-            }
             mended
         }))
     }

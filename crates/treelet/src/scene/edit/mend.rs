@@ -169,8 +169,7 @@ impl<'a> Sprig<'a> {
     }
 }
 
-/// The tree without what went and with what came, what its nodes cost when they were built, and the half areas of what stayed; see
-/// [`exchange`].
+/// The tree without what went and with what came, and what its nodes cost when they were built; see [`exchange`].
 pub(super) fn exchanged(
     layout: &Layout,
     stay: &Stay<'_>,
@@ -182,7 +181,7 @@ pub(super) fn exchanged(
     (sprigs, numbers): (&[Sprig<'_>], usize),
     prices: &[f32],
     cancel: &Cancel,
-) -> Result<Result<(Mended, Vec<f32>, f64), Reason>, SceneError> {
+) -> Result<Result<(Mended, Vec<f32>), Reason>, SceneError> {
     macro_rules! exchanged {
         ($wide:expr, $mended:expr) => {{
             let Some(twigs) = sprigs.iter().map(Sprig::twig).collect::<Option<Vec<_>>>() else {
@@ -191,9 +190,7 @@ pub(super) fn exchanged(
             match exchange($wide, stay, content, (&twigs, numbers), prices, cancel)? {
                 Err(Refused::Unfit) => Err(Reason::Unfit),
                 Err(Refused::Different) => Err(Reason::Different),
-                Ok(Exchanged { refitted, prices, stayed }) => {
-                    Ok(($mended(refitted), prices, stayed))
-                }
+                Ok(Exchanged { refitted, prices }) => Ok(($mended(refitted), prices)),
             }
         }};
     }

@@ -91,3 +91,71 @@ impl Sprout {
         skipped
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geometry::Mesh;
+    use crate::memory::Array;
+    use alloc::sync::Arc;
+
+    fn soup(triangles: u32, at: f32) -> (Vec<[f32; 3]>, Vec<[u32; 3]>) {
+        let corner = |at: f32, i: u32| [at + (i % 17) as f32, (i % 5) as f32, (i / 17) as f32];
+        let positions = (0..3 * triangles).map(|i| corner(at, i)).collect();
+        (positions, (0..triangles).map(|prim| [0, 1, 2].map(|i| 3 * prim + i)).collect())
+    }
+
+    fn moving(triangles: u32, far: f32) -> Mesh {
+        let (still, prims) = soup(triangles, 0.0);
+        let steps: [Array<[f32; 3]>; 2] = [still.into(), soup(triangles, far).0.into()];
+        Mesh::moving(steps, prims)
+    }
+
+    /// Whatever comes and goes beside them, and whatever they are numbered then; also where all else is built anew, but not
+    /// where that was asked for.
+    #[test]
+    fn meshes_that_move_and_did_not_change_keep_their_trees() {
+        let options = BuildOptions::default();
+        let (positions, prims) = soup(100, 20.0);
+        let scene = Scene::builder()
+            .mesh(Mesh::new(positions.clone(), prims))
+            .mesh(Mesh::new(positions[..3].to_vec(), [[0, 1, 2]]))
+            .mesh(moving(30, 3.0))
+            .mesh(moving(20, 1.0))
+            .build(&options)
+            .unwrap();
+        let trees = |scene: &Scene| -> Vec<_> {
+            scene.structure.moving.iter().map(|mesh| Arc::clone(&mesh.trees)).collect()
+        };
+        let before = trees(&scene);
+        let kept = |edit: Edit, kept: [bool; 2]| {
+            let commit = edit.commit(&options).unwrap();
+            let after = trees(&commit.scene);
+            let same = [0, 1].map(|at: usize| Arc::ptr_eq(&before[at], &after[at]));
+            assert_eq!(same, kept, "{commit}");
+            commit.action
+        };
+        use crate::scene::Action::{Rebuilt, Refitted};
+        let edited = |change: &dyn Fn(&mut Edit)| {
+            let mut edit = scene.edit();
+            change(&mut edit);
+            edit
+        };
+        // A triangle goes, which all others are numbered after.
+        let edit = edited(&|edit| edit.remove_shape(1).unwrap());
+        assert_eq!(kept(edit, [true; 2]), Refitted);
+        let edit = edited(&|edit| edit.set_positions(0, positions.clone()).unwrap());
+        assert_eq!(kept(edit, [true; 2]), Refitted);
+        let edit = edited(&|edit| edit.set_shape(2, moving(30, 4.0)).unwrap());
+        assert_eq!(kept(edit, [false, true]), Refitted);
+        let edit = edited(&|edit| edit.set_mask(3, 2).unwrap());
+        assert_eq!(kept(edit, [true; 2]), Refitted);
+        let edit = edited(&|edit| edit.remove_shape(0).unwrap());
+        assert_eq!(kept(edit, [true; 2]), Rebuilt);
+        let edit = edited(&|edit| {
+            edit.remove_shape(1).unwrap();
+            edit.policy = Policy::Rebuild;
+        });
+        assert_eq!(kept(edit, [false; 2]), Rebuilt);
+    }
+}
