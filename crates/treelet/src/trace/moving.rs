@@ -41,6 +41,8 @@ pub(crate) struct MovingMesh {
     pub(crate) bounds: Aabb,
     /// Whether a triangle lies in several leaves.
     pub(crate) repeats: bool,
+    /// What the trees cost when they were built: boxes that a long random line meets for each triangle whose box it meets.
+    pub(crate) built: f64,
     /// Leaves name triangles by their numbers in the mesh: snapshots share the trees, whatever the mesh is numbered.
     pub(crate) trees: Arc<Trees>,
 }

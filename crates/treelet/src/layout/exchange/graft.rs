@@ -5,19 +5,29 @@
 //! most first, and ends when no node is left whose growth alone is less than the best that was found (Bittner, Hapala,
 //! Havran 2015, section 3; the bound there is for binary trees).
 //!
-//! Cost: as many nodes as have boxes that grow less than the best place costs, which are few; each tests its children.
+//! A subtree that is spread over others is put in as parts: the children of its root, where that costs less than all of it with
+//! the box around them, and theirs, up to [`PARTS_MAX`].
+//!
+//! Cost of a search: as many nodes as have boxes that grow less than the best place costs, which are few; each tests its children.
 
 use super::thin::Thinned;
 use super::{Branch, Twig};
 use crate::bounds::Aabb;
 use crate::build::BuildError;
+use crate::layout::lower::Packed;
 use crate::layout::packing::Packing;
-use crate::layout::refit::{half_area, used};
-use crate::layout::wide::{Child, ChildKind, Node, Plain, TRIANGLE_WORDS};
+use crate::layout::refit::{around, half_area, used};
+use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Plain, TRIANGLE_WORDS};
 use crate::memory::{self, Pages};
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
+
+/// The most parts that what came is put in as, as long as each has one search that was in vain.
+pub(super) const PARTS_MAX: usize = 256;
+
+/// Parts may cost this much of what the whole costs: each is looked at alone, and they will stand in each other's way.
+const APART_MAX: f64 = 0.5;
 
 /// A tree that subtrees are put into.
 pub(super) struct Stock<const W: usize> {
@@ -82,12 +92,13 @@ impl<const W: usize> Stock<W> {
         match twig {
             Twig::Single(number, bounds) => {
                 self.prims += half_area(bounds);
-                self.insert(Child::leaf(self.triangles + number, 1), bounds);
+                let (steps, spot) = self.search(bounds);
+                self.insert(Child::leaf(self.triangles + number, 1), bounds, &steps, &spot);
             }
             Twig::Tree(branch) if !branch.bounds.is_empty() => {
                 self.prims += branch.areas.prims;
                 let child = self.copy(branch);
-                self.insert(child, &branch.bounds);
+                self.spread(child, branch.bounds);
             }
             Twig::Tree(_) => {}
         }
@@ -129,37 +140,82 @@ impl<const W: usize> Stock<W> {
         named(wide.root)
     }
 
-    /// Puts a child where that costs least.
-    fn insert(&mut self, child: Child, bounds: &Aabb) {
-        let (steps, Spot { step, beside, .. }) = self.search(bounds);
-        let at = steps[step].node;
-        match beside {
+    /// Puts a subtree where that costs least, in parts where that is less.
+    fn spread(&mut self, child: Child, bounds: Aabb) {
+        let mut waiting = alloc::vec![(child, bounds)];
+        let mut done = 0;
+        while let Some((child, bounds)) = waiting.pop() {
+            let (steps, spot) = self.search(&bounds);
+            if let ChildKind::Inner { node } = child.kind()
+                && done + waiting.len() + W <= PARTS_MAX
+            {
+                let node = &self.nodes[node];
+                let parts = (0..used(&node.children))
+                    .map(|slot| (node.children[slot], <Plain as Packing<W>>::bounds(node, slot)));
+                let whole = spot.cost + half_area(&bounds);
+                let apart: f64 = parts.clone().map(|(_, part)| self.search(&part).1.cost).sum();
+                if APART_MAX * whole > apart {
+                    waiting.extend(parts);
+                    continue;
+                }
+            }
+            self.insert(child, &bounds, &steps, &spot);
+            done += 1;
+        }
+    }
+
+    /// Puts a child into its place.
+    fn insert(&mut self, child: Child, bounds: &Aabb, steps: &[Step], spot: &Spot) {
+        let at = steps[spot.step].node;
+        let own = self.prims_of(child);
+        match spot.beside {
             None => {
                 let slot = used(&self.nodes[at].children);
                 self.nodes[at].set(slot, bounds, child);
+                self.areas[at] += own;
             }
             Some(slot) => {
                 let node = &self.nodes[at];
-                let (sibling, other) =
-                    (<Plain as Packing<W>>::bounds(node, slot), node.children[slot]);
+                let other = node.children[slot];
+                let sibling = <Plain as Packing<W>>::bounds(node, slot);
+                let of_other = self.prims_of(other);
                 let between = self.len;
                 let new = &mut self.nodes[between];
                 *new = Node::EMPTY;
                 new.set(0, &sibling, other);
                 new.set(1, bounds, child);
                 self.prices.push(f32::NAN);
-                self.areas.push(0.0);
+                self.areas.push(own + of_other);
+                self.areas[at] -= of_other;
                 self.len += 1;
                 self.nodes[at].set(slot, &sibling.union(bounds), Child::inner(between as u32));
             }
         }
         // The boxes above hold it, too.
-        let mut from = steps[step].from;
+        let mut from = steps[spot.step].from;
         while let Some((step, slot)) = from {
             let node = &mut self.nodes[steps[step].node];
             let (grown, child) = (<Plain as Packing<W>>::bounds(node, slot), node.children[slot]);
             node.set(slot, &grown.union(bounds), child);
             from = steps[step].from;
+        }
+    }
+
+    /// Half areas of the boxes of a leaf's triangles; 0 for anything else.
+    fn prims_of(&self, child: Child) -> f32 {
+        match child.kind() {
+            ChildKind::Leaf { first, count } if first < self.triangles => {
+                let leaf = <Plain as Packing<W>>::leaf(&self.words, first);
+                let mut packed = [Packed::default(); LEAF_MAX];
+                for (at, packed) in packed.iter_mut().enumerate().take(count) {
+                    for (corner, point) in packed.corners.iter_mut().enumerate() {
+                        *point =
+                            [0, 1, 2].map(|axis: usize| leaf[(3 * corner + axis) * count + at]);
+                    }
+                }
+                around(&packed[..count]).1 as f32
+            }
+            _ => 0.0,
         }
     }
 

@@ -86,7 +86,7 @@ impl Edit {
         options: &BuildOptions<'_>,
     ) -> Result<Scene, SceneError> {
         let watch = Stopwatch::start();
-        let mut scene = assemble::assemble(self.description(), options)?;
+        let mut scene = assemble::assemble(self.description(options)?, options)?;
         let seconds = watch.elapsed().as_secs_f64();
         let standing = before.map(|Worn { decay, areas }| {
             let standing = standing(&scene);
@@ -192,13 +192,14 @@ impl Edit {
     }
 
     /// Everything as it is to be.
-    fn description(&self) -> SceneBuilder {
+    fn description(&self, options: &BuildOptions<'_>) -> Result<SceneBuilder, SceneError> {
+        let known = self.known(options)?;
         let before = &self.before.structure;
         let placed = |at: usize| match (self.instances.get(&at), before.instances.get(at)) {
             (Some(placed), _) => Some(placed.clone()),
             (None, before) => before.map(Placed::again),
         };
         let instances = (0..self.counts[1]).filter_map(placed).collect();
-        SceneBuilder { geometries: self.geometries(), instances, known: self.known() }
+        Ok(SceneBuilder { geometries: self.geometries(), instances, known })
     }
 }

@@ -1,11 +1,12 @@
 //! What comes into a tree: each shape with a tree of its own, as the options say it is built.
 
+use super::fetch::has_defects;
 use super::mend::standing;
-use super::{Edit, Policy};
+use super::{DECAY_MAX, Edit, Policy};
 use crate::scene::builder::{BuildOptions, LayoutChoice, SceneBuilder};
 use crate::scene::report::Skipped;
 use crate::scene::upkeep::Standing;
-use crate::scene::{Quality, Scene, SceneError, assemble};
+use crate::scene::{Quality, Scene, SceneError, assemble, moving};
 use crate::trace::moving::MovingMesh;
 use crate::trace::structure::{Geometry, Layout};
 use alloc::vec::Vec;
@@ -37,13 +38,41 @@ impl Edit {
         let options = BuildOptions { layout: Some(layout), quality, ..options.clone() };
         let sprout = |&geom: &usize| {
             let geometries = self.geometries.get(&geom).into_iter().cloned().collect();
-            let alone = SceneBuilder { geometries, ..SceneBuilder::default() };
+            let known = self.remade(geom, &options)?.into_iter().map(|mesh| (0, mesh)).collect();
+            let alone = SceneBuilder { geometries, known, ..SceneBuilder::default() };
             let scene =
                 assemble::assemble(alone, &options).map_err(|error| error.of_shape(geom))?;
             let standing = standing(&scene);
             Ok(Sprout { geom, scene, standing })
         };
         came.iter().map(sprout).collect()
+    }
+
+    /// The trees of a mesh that goes other ways in as many time steps: around those, if they have not decayed too much.
+    fn remade(
+        &self,
+        geom: usize,
+        options: &BuildOptions<'_>,
+    ) -> Result<Option<MovingMesh>, SceneError> {
+        let before = &self.before.structure;
+        let old = before.moving.iter().find(|mesh| mesh.geom == geom);
+        let new = self.geometries.get(&geom).and_then(Geometry::mesh);
+        let (Some(old), Some(mesh)) = (old, new) else { return Ok(None) };
+        let was = &before.geometries[geom].shape;
+        let is_alike = was
+            .mesh()
+            .is_some_and(|was| was.triangles() == mesh.triangles() && was.steps() == mesh.steps());
+        // What was left out has no leaf, and what is unfit must not have one.
+        if !is_alike || mesh.uneven_step().is_some() {
+            return Ok(None);
+        }
+        let shape = &self.geometries[&geom].shape;
+        if has_defects(was) || has_defects(shape) {
+            return Ok(None);
+        }
+        let (mesh, decay) = moving::refit(old, mesh, &options.context.cancel)?;
+        let is_good = self.policy == Policy::Refit || decay <= DECAY_MAX;
+        Ok(is_good.then_some(mesh))
     }
 
     /// The meshes that move, with the trees that they had or that came.
@@ -68,17 +97,23 @@ impl Edit {
         all
     }
 
-    /// The meshes that move and are what they were, for whoever builds everything else anew.
-    pub(super) fn known(&self) -> Vec<(usize, MovingMesh)> {
-        if self.policy == Policy::Rebuild {
-            return Vec::new();
-        }
+    /// The meshes that move and are what they were, or nearly, for whoever builds everything else anew.
+    pub(super) fn known(
+        &self,
+        options: &BuildOptions<'_>,
+    ) -> Result<Vec<(usize, MovingMesh)>, SceneError> {
         let before = &self.before.structure;
-        let is_same = |mesh: &&MovingMesh| {
-            let now = self.geometries.get(&mesh.geom);
-            now.is_none_or(|it| it.shape.is_same(&before.geometries[mesh.geom].shape))
-        };
-        before.moving.iter().filter(is_same).map(|mesh| (mesh.geom, mesh.clone())).collect()
+        let mut known = Vec::new();
+        if self.policy == Policy::Rebuild {
+            return Ok(known);
+        }
+        for mesh in &before.moving {
+            let (geom, was) = (mesh.geom, &before.geometries[mesh.geom].shape);
+            let is_same = self.geometries.get(&geom).is_none_or(|it| it.shape.is_same(was));
+            let mesh = if is_same { Some(mesh.clone()) } else { self.remade(geom, options)? };
+            known.extend(mesh.map(|mesh| (geom, mesh)));
+        }
+        Ok(known)
     }
 }
 
@@ -147,6 +182,8 @@ mod tests {
         let edit = edited(&|edit| edit.set_positions(0, positions.clone()).unwrap());
         assert_eq!(kept(edit, [true; 2]), Refitted);
         let edit = edited(&|edit| edit.set_shape(2, moving(30, 4.0)).unwrap());
+        assert_eq!(kept(edit, [false, true]), Refitted);
+        let edit = edited(&|edit| edit.set_shape(2, moving(31, 3.0)).unwrap());
         assert_eq!(kept(edit, [false, true]), Refitted);
         let edit = edited(&|edit| edit.set_mask(3, 2).unwrap());
         assert_eq!(kept(edit, [true; 2]), Refitted);
