@@ -395,5 +395,9 @@ fn a_few_come_and_go() {
         let back = back.commit(&options).unwrap();
         assert_eq!((back.action, back.reason), (Action::Refitted, Reason::Few));
         check("back", &back.scene, &told, &options, &mut random);
+        // It is there once.
+        let [x, y, z] = told.instances[22].1.point([0.0; 3]);
+        let through = [Ray::new([x, y, z - 50.0], [0.0, 0.0, 1.0])];
+        assert_eq!(answers(&back.scene, &through), answers(&told.build(&options), &through));
     }
 }

@@ -172,7 +172,7 @@ fn change(
     let geom = random.below(told.shapes.len() as u64) as usize;
     let instance = random.below(told.instances.len() as u64) as usize;
     let object = &objects[random.below(objects.len() as u64) as usize];
-    match random.below(11) {
+    match random.below(12) {
         0 | 1 => {
             let shape = small(random);
             assert_eq!(edit.add_shape(shape.clone()), told.shapes.len());
@@ -228,6 +228,15 @@ fn change(
             edit.set_motion(instance, &steps).unwrap();
             told.instances[instance].1 = steps.to_vec();
             "set in motion"
+        }
+        10 => {
+            let Some(mesh) = told.shapes[geom].0.mesh().filter(|it| it.is_moving()) else {
+                return "nothing";
+            };
+            let other = moving(mesh, mesh.steps(), random);
+            edit.set_shape(geom, other.clone()).unwrap();
+            told.shapes[geom].0 = other.into();
+            "goes another way"
         }
         _ => {
             let map = map(random);

@@ -23,7 +23,7 @@ use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages};
 use alloc::vec::Vec;
 use core::cmp::Reverse;
-use graft::{PARTS_MAX, Stock};
+use graft::Stock;
 use thin::thin;
 
 /// Nodes that one task copies.
@@ -89,10 +89,9 @@ pub(crate) fn exchange<K: Packing<W>, const W: usize>(
     prices: &[f32],
     cancel: &Cancel,
 ) -> Result<Result<Exchanged<W>, Refused>, BuildError> {
-    // Room for all nodes: each part that comes needs at most one more, to stand beside another.
+    // Room for all nodes: each that comes needs at most one more, to stand beside another.
     let branches = || twigs.iter().filter_map(Twig::branch);
-    let parts = |branch: &Branch<'_, W>| PARTS_MAX.min(branch.wide.nodes.len() * W + 1);
-    let nodes = branches().map(|it| it.wide.nodes.len() + parts(it)).sum::<usize>() + twigs.len();
+    let nodes = branches().map(|it| it.wide.nodes.len()).sum::<usize>() + twigs.len();
     let triangles = branches().map(|it| it.wide.triangles).sum::<usize>();
     let Some(thinned) = thin(old, stay, content, [nodes, triangles], cancel)? else {
         return Ok(Err(Refused::Unfit));

@@ -5,10 +5,11 @@
 //! most first, and ends when no node is left whose growth alone is less than the best that was found (Bittner, Hapala,
 //! Havran 2015, section 3; the bound there is for binary trees).
 //!
-//! A subtree that is spread over others is put in as parts: the children of its root, where that costs less than all of it with
-//! the box around them, and theirs, up to [`PARTS_MAX`].
+//! Cost: as many nodes as have boxes that grow less than the best place costs, which are few; each tests its children.
 //!
-//! Cost of a search: as many nodes as have boxes that grow less than the best place costs, which are few; each tests its children.
+//! What was tried: subtrees in parts, the children of the root and theirs, where those together cost less than the whole, up to 256 of them.
+//! In a kitchen of 1.4 million triangles a tenth of them, chosen at random, comes: 0.71 of a new tree's speed instead of 0.63; 100 balls of
+//! 1,024 triangles: 0.90 instead of 0.95, since parts take each other's places. Neither is worth more than a repair.
 
 use super::thin::Thinned;
 use super::{Branch, Twig};
@@ -22,12 +23,6 @@ use crate::memory::{self, Pages};
 use alloc::collections::BinaryHeap;
 use alloc::vec::Vec;
 use core::cmp::Ordering;
-
-/// The most parts that what came is put in as, as long as each has one search that was in vain.
-pub(super) const PARTS_MAX: usize = 256;
-
-/// Parts may cost this much of what the whole costs: each is looked at alone, and they will stand in each other's way.
-const APART_MAX: f64 = 0.5;
 
 /// A tree that subtrees are put into.
 pub(super) struct Stock<const W: usize> {
@@ -92,13 +87,19 @@ impl<const W: usize> Stock<W> {
         match twig {
             Twig::Single(number, bounds) => {
                 self.prims += half_area(bounds);
-                let (steps, spot) = self.search(bounds);
-                self.insert(Child::leaf(self.triangles + number, 1), bounds, &steps, &spot);
+                self.insert(Child::leaf(self.triangles + number, 1), bounds);
             }
             Twig::Tree(branch) if !branch.bounds.is_empty() => {
-                self.prims += branch.areas.prims;
                 let child = self.copy(branch);
-                self.spread(child, branch.bounds);
+                // Areas are those of nodes.
+                self.prims += match branch.wide.root.kind() {
+                    ChildKind::Inner { .. } => branch.areas.prims,
+                    ChildKind::Leaf { .. } if branch.wide.triangles > 0 => {
+                        f64::from(self.prims_of(child))
+                    }
+                    ChildKind::Leaf { .. } => half_area(&branch.bounds),
+                };
+                self.insert(child, &branch.bounds);
             }
             Twig::Tree(_) => {}
         }
@@ -140,32 +141,9 @@ impl<const W: usize> Stock<W> {
         named(wide.root)
     }
 
-    /// Puts a subtree where that costs least, in parts where that is less.
-    fn spread(&mut self, child: Child, bounds: Aabb) {
-        let mut waiting = alloc::vec![(child, bounds)];
-        let mut done = 0;
-        while let Some((child, bounds)) = waiting.pop() {
-            let (steps, spot) = self.search(&bounds);
-            if let ChildKind::Inner { node } = child.kind()
-                && done + waiting.len() + W <= PARTS_MAX
-            {
-                let node = &self.nodes[node];
-                let parts = (0..used(&node.children))
-                    .map(|slot| (node.children[slot], <Plain as Packing<W>>::bounds(node, slot)));
-                let whole = spot.cost + half_area(&bounds);
-                let apart: f64 = parts.clone().map(|(_, part)| self.search(&part).1.cost).sum();
-                if APART_MAX * whole > apart {
-                    waiting.extend(parts);
-                    continue;
-                }
-            }
-            self.insert(child, &bounds, &steps, &spot);
-            done += 1;
-        }
-    }
-
-    /// Puts a child into its place.
-    fn insert(&mut self, child: Child, bounds: &Aabb, steps: &[Step], spot: &Spot) {
+    /// Puts a child where that costs least.
+    fn insert(&mut self, child: Child, bounds: &Aabb) {
+        let (steps, spot) = self.search(bounds);
         let at = steps[spot.step].node;
         let own = self.prims_of(child);
         match spot.beside {

@@ -253,3 +253,58 @@ impl Edit {
         parts
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Policy;
+    use super::*;
+    use crate::geometry::Mesh;
+    use crate::scene::LayoutChoice;
+
+    /// A few triangles in a row, or many on a grid.
+    fn row(triangles: u32, at: [f32; 3], size: f32) -> Mesh {
+        let corner = |i: u32| {
+            let (prim, corner) = (i / 3, i % 3);
+            let along = [prim % 20, prim / 20, 0].map(|x| x as f32);
+            let off = [corner == 1, corner == 2, corner > 0].map(|it| if it { size } else { 0.0 });
+            [0, 1, 2].map(|axis: usize| at[axis] + along[axis] + off[axis])
+        };
+        let prims = (0..triangles).map(|prim| [0, 1, 2].map(|i| 3 * prim + i));
+        Mesh::new((0..3 * triangles).map(corner).collect::<Vec<_>>(), prims.collect::<Vec<_>>())
+    }
+
+    /// What is kept of areas from commit to commit is what is found when the tree is looked at.
+    #[test]
+    fn areas_are_those_of_the_tree() {
+        for &layout in LayoutChoice::ALL {
+            let options = BuildOptions { layout: Some(layout), ..BuildOptions::default() };
+            let mut scene = Scene::builder().mesh(row(300, [0.0; 3], 0.9)).build(&options).unwrap();
+            for step in 0..30_u32 {
+                let mut edit = scene.edit();
+                edit.policy = Policy::Refit;
+                let at = [(7 * step % 19) as f32, (5 * step % 13) as f32, 0.1 * step as f32];
+                edit.add_shape(row(1 + step % 7, at, 0.3));
+                if step > 4 && step % 3 == 0 {
+                    edit.remove_shape(step as usize - 3).unwrap();
+                }
+                scene = edit.commit(&options).unwrap().scene;
+                // Packed boxes are wider than those that were kept in mind.
+                let kept = scene.upkeep.standing.as_ref().unwrap();
+                let (found, most) = (standing(&scene), 1e-4);
+                let near = |a: f64, b: f64| (a - b).abs() <= most * b;
+                assert!(near(kept.areas.prims, found.areas.prims), "{layout:?}, step {step}");
+                if layout != LayoutChoice::Compact {
+                    assert!(near(kept.areas.boxes, found.areas.boxes), "{layout:?}, step {step}");
+                }
+                assert_eq!(kept.prices.len(), found.prices.len());
+                for (kept, found) in kept.triangles.iter().zip(&*found.triangles) {
+                    let (kept, found) = (f64::from(*kept), f64::from(*found));
+                    assert!(
+                        (kept - found).abs() <= 1e-3,
+                        "{layout:?}, step {step}: {kept} {found}"
+                    );
+                }
+            }
+        }
+    }
+}
