@@ -274,7 +274,7 @@ fn whatever_comes_and_goes_the_answers_are_those_of_a_fresh_build() {
             for step in 0..14 {
                 let mut edit = scene.edit();
                 edit.policy = match (step + at) % 7 {
-                    0 | 1 | 2 => Policy::Refit,
+                    0..=2 => Policy::Refit,
                     3 => Policy::Auto,
                     4 => Policy::Repair,
                     5 => Policy::Rays(1 << random.below(30)),
