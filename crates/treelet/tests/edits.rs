@@ -384,14 +384,20 @@ fn a_few_come_and_go() {
         }
         let [grown, fresh] = work.map(|work| work.nodes as f64);
         assert!(grown < 1.5 * fresh, "{grown} nodes, {fresh} in a new tree");
-        // What was taken out and comes back has no leaf any more.
+        // What was taken out and comes back is put in anew: its leaf is an empty box.
         let mut back = scene.edit();
         back.remove_instance(22).unwrap();
         let without = back.commit(&options).unwrap().scene;
         let mut back = without.edit();
         back.set_scene(22, &cube).unwrap();
+        told.instances[22].0 = cube.clone();
         back.policy = Policy::Refit;
         let back = back.commit(&options).unwrap();
-        assert_eq!((back.action, back.reason), (Action::Rebuilt, Reason::Different));
+        assert_eq!((back.action, back.reason), (Action::Refitted, Reason::Few));
+        check("back", &back.scene, &told, &options, &mut random);
+        // It is there once.
+        let [x, y, z] = told.instances[22].1.point([0.0; 3]);
+        let through = [Ray::new([x, y, z - 50.0], [0.0, 0.0, 1.0])];
+        assert_eq!(answers(&back.scene, &through), answers(&told.build(&options), &through));
     }
 }

@@ -4,7 +4,7 @@
 use treelet::bounds::Aabb;
 use treelet::geometry::Defect;
 use treelet::memory::Array;
-use treelet::scene::{InstanceDefect, LayoutChoice, Reason, SEGMENTS_MAX};
+use treelet::scene::{Action, InstanceDefect, LayoutChoice, Policy, Reason, SEGMENTS_MAX};
 use treelet::simd::Level;
 use treelet::verify::{self, BruteForce, Random};
 use treelet::{
@@ -470,7 +470,7 @@ fn odd_motion_is_answered() {
     }
 }
 
-/// Edits of scenes with motion: instances keep moving, meshes are built anew, and it is said.
+/// Edits of scenes with motion: instances and meshes keep moving, the tree stays where only what stands still is elsewhere.
 #[test]
 fn edits_keep_what_moves() {
     let soup = awkward::random_triangles(50, 2.0, 0.5);
@@ -493,12 +493,12 @@ fn edits_keep_what_moves() {
     let mut edit = meshes.edit();
     edit.set_positions(1, soup.clone().mapped(|p| [p[0] + 1.0, p[1], p[2]]).positions).unwrap();
     let commit = edit.commit(&options).unwrap();
-    assert_eq!(commit.reason, Reason::Moving);
+    assert_eq!(commit.reason, Reason::Same);
     hold("bent", &commit.scene, &rays(&commit.scene, 300, SEED));
     let mut edit = commit.scene.edit();
     edit.set_shape(1, turning(&soup, 4, 1.0, [0.0; 3])).unwrap();
     let commit = edit.commit(&options).unwrap();
-    assert_eq!(commit.reason, Reason::Moving);
+    assert_eq!(commit.reason, Reason::Different);
     assert_eq!(commit.scene.segments().len(), 2);
     hold("turned", &commit.scene, &rays(&commit.scene, 300, SEED));
 }
@@ -533,6 +533,23 @@ fn trees_for_parts_of_the_time_change_no_bit_and_pay() {
             without.closest_counted(ray, &mut work[1]);
         }
         hold("crowd", &with, &rays);
+        // Edited, they keep their trees.
+        let mut edit = with.edit();
+        edit.policy = Policy::Refit;
+        let ways = [[-60.0; 3], [0.0; 3], [60.0; 3]].map(Affine::translation);
+        edit.set_motion(3, &ways).unwrap();
+        edit.remove_instance(5).unwrap();
+        edit.set_transform(7, ways[1]).unwrap();
+        for step in 0..2 {
+            let commit = edit.commit(&options).unwrap();
+            assert_ne!(commit.action, Action::Rebuilt, "{commit}");
+            assert_eq!(commit.scene.spans(), with.spans());
+            let rays = self::rays(&commit.scene, rounds(200), SEED + step);
+            hold("crowd, edited", &commit.scene, &rays);
+            edit = commit.scene.edit();
+            edit.policy = Policy::Refit;
+            edit.add_instance_moving(&inner, &ways[1..]);
+        }
         let [with, without] = work.map(|work| work.nodes);
         assert!(
             2 * with < without,

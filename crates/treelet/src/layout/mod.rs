@@ -2,6 +2,7 @@
 
 pub(crate) mod collapse;
 pub mod compact;
+pub(crate) mod exchange;
 mod greedy;
 mod leaves;
 pub(crate) mod lower;

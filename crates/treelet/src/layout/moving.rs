@@ -140,6 +140,17 @@ impl<const W: usize> Segment<W> {
         Ok(Self { nodes, deltas, root, words: all, start: span.start, step })
     }
 
+    /// A copy of the tree, with boxes and corners of some moment.
+    pub(crate) fn still(&self) -> Result<Wide<W>, BuildError> {
+        let mut nodes = Pages::zeroed(self.nodes.len(), "wide nodes")?;
+        nodes.copy_from_slice(&self.nodes);
+        let from = self.words.first().map_or(&[][..], |words| words);
+        let mut words = Pages::zeroed(from.len(), "leaf blocks")?;
+        words.copy_from_slice(from);
+        // Nothing but triangles is in it.
+        Ok(Wide { nodes, root: self.root, words, triangles: usize::MAX })
+    }
+
     /// The nodes' boxes `after` so many steps, in f64, summed up as half areas.
     pub(crate) fn areas(&self, after: f32) -> f64 {
         let mut sum = 0.0;

@@ -56,6 +56,8 @@ pub(super) struct Gathered {
     first_ids: Vec<u32>,
     placements: Placements,
     moving: Vec<Moving>,
+    /// Meshes that move and have trees already.
+    known: Vec<(usize, MovingMesh)>,
     prims: Prims,
     report: BuildReport,
     clock: Stopwatch,
@@ -69,7 +71,7 @@ impl Gathered {
     ) -> Result<Self, SceneError> {
         let clock = Stopwatch::start();
         let mut report = BuildReport::default();
-        let SceneBuilder { geometries, instances } = description;
+        let SceneBuilder { geometries, instances, known } = description;
         let first_ids = first_ids(&geometries)?;
         let mut others = other_boxes(&geometries, &first_ids, options, &mut report)?;
         let moving = moving::gather(&geometries, &first_ids, options, &mut report)?;
@@ -102,7 +104,7 @@ impl Gathered {
             prims.add_single(number, bounds);
         }
         report.triangles += prims.triangles as u64;
-        Ok(Self { geometries, first_ids, placements, moving, prims, report, clock })
+        Ok(Self { geometries, first_ids, placements, moving, known, prims, report, clock })
     }
 
     /// What leaves will hold.
@@ -124,7 +126,7 @@ impl Gathered {
         again: bool,
     ) -> Result<Scene, SceneError> {
         let (mut tree, mut report) = self.tree(plan, options)?;
-        let Self { geometries, first_ids, placements, moving, prims, clock, .. } = self;
+        let Self { geometries, first_ids, placements, moving, known, prims, clock, .. } = self;
         if report.tree.leaf_max as usize > LEAF_MAX || !prims.singles.is_empty() {
             tree = split_leaves(tree, prims.bounds(), prims.triangles)?;
         }
@@ -137,7 +139,7 @@ impl Gathered {
         let content =
             Content { geometries, first_ids, placements: Placements { instances, ..*placements } };
         let mut structure = finish(content, prims, &tree, plan.collapse, options, again)?;
-        moving::build(&mut structure, moving, plan, options)?;
+        moving::build(&mut structure, (moving, known), plan, options)?;
         travel::split(&mut structure, plan, options)?;
         report.trace_bytes = level_bytes(&structure);
         report.total_time = clock.elapsed();

@@ -10,6 +10,7 @@ use crate::layout::{compact, wide};
 use crate::math::Affine;
 use crate::optimize::Optimizer;
 use crate::simd::Level;
+use crate::trace::moving::MovingMesh;
 use crate::trace::placements::{BLOCK, Instance};
 use crate::trace::structure::{Geometry, Structure};
 use alloc::sync::Arc;
@@ -121,6 +122,8 @@ impl Default for BuildOptions<'_> {
 pub struct SceneBuilder {
     pub(super) geometries: Vec<Geometry>,
     pub(super) instances: Crowd,
+    /// Meshes that move and have trees already, by the number of the geometry.
+    pub(super) known: Vec<(usize, MovingMesh)>,
 }
 
 /// What is to be placed, in blocks as the scene will have them, so that nothing moves once more.
@@ -210,6 +213,14 @@ pub(super) struct Placed {
     pub(super) steps: Option<Arc<[Affine]>>,
 }
 
+impl Placed {
+    /// The map of the first time step, and those of all if there are several.
+    pub(super) fn way(steps: &[Affine]) -> (Affine, Option<Arc<[Affine]>>) {
+        let first = steps.first().copied().unwrap_or_default();
+        (first, (steps.len() > 1).then(|| steps.into()))
+    }
+}
+
 impl SceneBuilder {
     /// Adds a mesh that every ray sees; its `geom` is the number of meshes and other shapes before it.
     #[must_use]
@@ -295,8 +306,7 @@ impl SceneBuilder {
     #[must_use]
     pub fn instance_moving_masked(mut self, scene: &Scene, steps: &[Affine], mask: u32) -> Self {
         let structure = Arc::clone(&scene.structure);
-        let world_from_object = steps.first().copied().unwrap_or_default();
-        let steps = (steps.len() > 1).then(|| steps.into());
+        let (world_from_object, steps) = Placed::way(steps);
         self.instances.push(Placed { structure, world_from_object, mask, steps });
         self
     }

@@ -1,15 +1,22 @@
 //! Edits: what moved, what came and went, committed as a new snapshot that shares what stayed.
 //!
 //! The old snapshot goes on answering; whoever traces it is never waited for and never waits. What a
-//! commit does to the tree does not show in answers, only in their price: where the triangles and
-//! instances are the same ones but for a few instances, the tree is kept and its boxes follow (`layout/refit/`), or what has decayed of it is built anew (`layout/repair.rs`); all of it is built
-//! anew where that is not so, or where the boxes have grown so much that it pays.
+//! commit does to the tree does not show in answers, only in their price: where most triangles and instances are the same ones, the
+//! tree is kept: its boxes follow (`layout/refit/`), what went leaves it and what came is put into it (`layout/exchange/`), or what has
+//! decayed of it is built anew (`layout/repair.rs`); all of it is built anew where that is not so, or where the boxes have grown so much
+//! that it pays.
 
 mod changes;
 mod commit;
+mod fates;
 mod fetch;
+mod follow;
 mod ledger;
 mod mend;
+mod nothing;
+mod said;
+mod spans;
+mod sprouts;
 
 use super::Scene;
 use super::builder::Placed;
@@ -20,9 +27,10 @@ use crate::trace::structure::Geometry;
 use alloc::collections::BTreeMap;
 use alloc::collections::btree_map::Entry;
 use alloc::sync::Arc;
-use commit::nothing_like;
 use core::time::Duration;
 pub(super) use ledger::Ledger;
+use nothing::nothing_like;
+pub use said::{Action, Commit, Parts, Reason};
 
 /// A tree whose boxes cost this many times what they cost when it was built is built anew.
 ///
@@ -37,8 +45,8 @@ const WORTH_KEEPING: f64 = 1.2;
 
 /// What a commit may do to a tree. No policy changes an answer.
 ///
-/// A tree whose leaves hold the same triangles and instances as before can be *refitted*: it stays, its boxes follow. It can
-/// also be *repaired*: small subtrees whose boxes are as good as when they were built stay, everything else is built anew
+/// A tree whose leaves hold most of the triangles and instances that it held can be *refitted*: it stays, its boxes follow, what came is
+/// put where it costs least. It can also be *repaired*: small subtrees whose boxes are as good as when they were built stay, everything else is built anew
 /// around them, in a fraction of the time of a build. Where that is not so, it is rebuilt whatever the policy.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Policy {
@@ -58,125 +66,6 @@ pub enum Policy {
     /// A commit may take so long: the best tree that, by what earlier ones took, can be had in that time. A refit is made however
     /// long it takes.
     Budget(Duration),
-}
-
-/// What a commit did.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Action {
-    /// Nothing had changed.
-    Kept,
-    /// The tree stayed, its boxes followed.
-    Refitted,
-    /// So did they, and what had decayed is new: see [`Commit::parts`].
-    Repaired,
-    /// There is a new tree.
-    Rebuilt,
-}
-
-impl Action {
-    /// What became of the tree, in a word.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Kept => "kept",
-            Self::Refitted => "refitted",
-            Self::Repaired => "repaired",
-            Self::Rebuilt => "rebuilt",
-        }
-    }
-}
-
-impl core::fmt::Display for Action {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-/// Why it did that.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reason {
-    /// There was nothing to do.
-    Unchanged,
-    /// It was asked for.
-    Asked,
-    /// The same triangles and instances are in the tree, and it is good enough, or mending it would not have paid yet.
-    Same,
-    /// A few instances came or went, which the tree took in or left out.
-    Few,
-    /// A mesh or a shape has more or fewer primitives, came or went; so did many instances, or one was given something that had held
-    /// nothing.
-    Different,
-    /// A triangle is not fit for a scene, or one that was not was left out.
-    Unfit,
-    /// A mesh moves with time, before or after: its boxes are not refitted.
-    Moving,
-    /// The boxes had grown too much, or for so long that mending pays.
-    Decayed,
-}
-
-impl core::fmt::Display for Reason {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        f.write_str(match self {
-            Self::Unchanged => "nothing changed",
-            Self::Asked => "as asked",
-            Self::Same => "the same triangles and instances, in boxes that are still good enough",
-            Self::Few => "few instances came or went",
-            Self::Different => "other triangles or instances than before",
-            Self::Unfit => "triangles that are, or were, not fit for a scene",
-            Self::Moving => "a mesh that moves with time",
-            Self::Decayed => "the boxes had grown too much",
-        })
-    }
-}
-
-/// What became of the parts of a tree that was refitted or repaired; zero for any other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Parts {
-    /// Subtrees and instances that stayed as they were, under a new tree.
-    pub kept: u64,
-    /// Triangles that were taken out of decayed subtrees, and built over one by one.
-    pub loose: u64,
-    /// Instances that were put into the tree as it is.
-    pub added: u64,
-    /// Instances that were taken out of it.
-    pub removed: u64,
-}
-
-/// A new snapshot, and what was done for it.
-#[derive(Clone, Debug)]
-pub struct Commit {
-    /// The scene after the edit. Its report is of the last build; refitting and repairing do not change it.
-    pub scene: Scene,
-    /// What was done to the tree.
-    pub action: Action,
-    /// Why.
-    pub reason: Reason,
-    /// Boxes that a long random line meets in the tree, for each triangle or instance whose own box it meets, over what that
-    /// was when the tree was built: 1 for a new one.
-    pub decay: f64,
-    /// What a repair left as it was, and what not.
-    pub parts: Parts,
-    /// How long the commit took; zero where there is no clock.
-    pub time: Duration,
-}
-
-/// What it did, and why, in a sentence.
-impl core::fmt::Display for Commit {
-    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{}: {}", self.action, self.reason)?;
-        let Parts { kept, loose, added, removed } = self.parts;
-        if added + removed > 0 {
-            write!(f, ", {added} added and {removed} removed")?;
-        }
-        match self.action {
-            Action::Repaired => write!(
-                f,
-                "; a new tree over {kept} parts that stayed and {loose} triangles, {:.2} times as dear as when all was built",
-                self.decay
-            ),
-            Action::Refitted => write!(f, "; {:.2} times as dear as when it was built", self.decay),
-            Action::Kept | Action::Rebuilt => Ok(()),
-        }
-    }
 }
 
 /// What an edit names that is not there.
@@ -331,6 +220,18 @@ impl Edit {
         Ok(())
     }
 
+    /// Moves an instance, which is elsewhere at other times then: its maps at time steps, as
+    /// [`SceneBuilder::instance_moving`](super::SceneBuilder::instance_moving) takes them.
+    ///
+    /// # Errors
+    ///
+    /// There is no such instance. What is wrong with a step is said by [`Edit::commit`].
+    pub fn set_motion(&mut self, instance: usize, steps: &[Affine]) -> Result<(), EditError> {
+        let placed = self.instance(instance)?;
+        (placed.world_from_object, placed.steps) = Placed::way(steps);
+        Ok(())
+    }
+
     /// Places another scene where an instance is: the new snapshot of an edited one, say.
     ///
     /// # Errors
@@ -365,10 +266,16 @@ impl Edit {
 
     /// Places a scene that every ray sees; returns the instance's number.
     pub fn add_instance(&mut self, scene: &Scene, world_from_object: Affine) -> usize {
+        self.add_instance_moving(scene, &[world_from_object])
+    }
+
+    /// Places a scene that moves, see [`Edit::set_motion`], and that every ray sees; returns the instance's number.
+    pub fn add_instance_moving(&mut self, scene: &Scene, steps: &[Affine]) -> usize {
         let instance = self.counts[1];
         self.counts[1] += 1;
         let structure = Arc::clone(&scene.structure);
-        let placed = Placed { structure, world_from_object, mask: u32::MAX, steps: None };
+        let (world_from_object, steps) = Placed::way(steps);
+        let placed = Placed { structure, world_from_object, mask: u32::MAX, steps };
         self.instances.insert(instance, placed);
         instance
     }

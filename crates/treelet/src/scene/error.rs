@@ -93,6 +93,17 @@ impl SceneError {
     pub fn is_cancelled(&self) -> bool {
         matches!(self, Self::Build(BuildError::Cancelled(_)))
     }
+
+    /// What was wrong with a shape that was built alone, as that of its number.
+    pub(super) fn of_shape(mut self, number: usize) -> Self {
+        if let Self::Triangle { geom, .. }
+        | Self::Steps { geom, .. }
+        | Self::Primitive { geom, .. } = &mut self
+        {
+            *geom = number;
+        }
+        self
+    }
 }
 
 /// What makes an instance unfit for a scene.

@@ -351,11 +351,7 @@ pub(super) fn tell(
         return Err(SceneError::Triangle { geom, prim, defect });
     }
     report.degenerate += degenerate;
-    let sum = &mut report.skipped;
-    sum.triangles += skipped.triangles;
-    sum.index_out_of_range += skipped.index_out_of_range;
-    sum.bad_vertex += skipped.bad_vertex;
-    sum.first_triangle = sum.first_triangle.or(skipped.first_triangle);
+    report.skipped.add(&skipped);
     Ok(())
 }
 

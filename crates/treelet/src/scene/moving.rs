@@ -31,6 +31,7 @@ use crate::layout::moving::{Segment, Span, areas, widened_way};
 use crate::math::pose::Moment;
 use crate::trace::moving::{MovingMesh, Trees};
 use crate::trace::structure::{Geometry, Layout, Structure};
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 
 /// The most segments of time, and so trees, of a mesh: the factor by which temporal splits may multiply its nodes.
@@ -128,31 +129,46 @@ fn check(
     Ok(all)
 }
 
-/// Builds the trees of the meshes that move on a level, and puts them there.
+/// Builds the trees of the meshes that move on a level, but for those of geometries that are `known`, and puts them there.
 pub(super) fn build(
     structure: &mut Structure,
-    moving: &[Moving],
+    (moving, known): (&[Moving], &[(usize, MovingMesh)]),
     plan: &Plan<'_>,
     options: &BuildOptions<'_>,
 ) -> Result<(), SceneError> {
     for moving in moving {
-        let Moving { geom, first_id, .. } = *moving;
+        let Moving { geom, first_id, bounds, .. } = *moving;
         let Geometry { shape: Shape::Mesh(mesh), mask } = &structure.geometries[geom] else {
             continue;
         };
-        let maker = Maker { moving, mesh, first_id, plan, options };
-        let (trees, cut, repeats) = match structure.layout {
+        let is_wide8 = matches!(structure.layout, Layout::Wide8(_));
+        let known = known.iter().find(|(at, known)| *at == geom && known.is_wide8() == is_wide8);
+        if let Some((_, known)) = known {
+            structure.repeats |= known.repeats;
+            structure.moves = true;
+            structure.moving.push(MovingMesh {
+                geom,
+                first_id,
+                mask: *mask,
+                bounds,
+                ..known.clone()
+            });
+            continue;
+        }
+        let maker = Maker { moving, mesh, plan, options };
+        let (trees, Cut { parts, strides }, repeats, built) = match structure.layout {
             Layout::Wide8(_) => {
-                let (segments, cut, repeats) = maker.segments::<8>()?;
-                (Trees::Wide8(segments), cut, repeats)
+                let made = maker.segments::<8>()?;
+                let price = made.price();
+                (Trees::Wide8(made.segments), made.cut, made.repeats, price)
             }
             // Where nodes are packed, those of what moves are not: their deltas are the larger part.
             Layout::Wide16(_) | Layout::Compact(_) => {
-                let (segments, cut, repeats) = maker.segments::<16>()?;
-                (Trees::Wide16(segments), cut, repeats)
+                let made = maker.segments::<16>()?;
+                let price = made.price();
+                (Trees::Wide16(made.segments), made.cut, made.repeats, price)
             }
         };
-        let Cut { parts, strides } = cut;
         structure.repeats |= repeats;
         structure.moves = true;
         structure.moving.push(MovingMesh {
@@ -162,7 +178,10 @@ pub(super) fn build(
             steps: mesh.steps(),
             parts,
             strides,
-            trees,
+            bounds,
+            repeats,
+            built,
+            trees: Arc::new(trees),
         });
     }
     Ok(())
@@ -197,7 +216,6 @@ impl Cut {
 struct Maker<'a> {
     moving: &'a Moving,
     mesh: &'a Mesh,
-    first_id: u32,
     plan: &'a Plan<'a>,
     options: &'a BuildOptions<'a>,
 }
@@ -210,10 +228,34 @@ struct Tried<const W: usize> {
     /// Half areas of all nodes' children, in the mean over time, and in the middles of the segments.
     mean: f64,
     middle: f64,
+    /// Half areas of the triangles' boxes, in the middles.
+    prims: f64,
+}
+
+impl<const W: usize> Tried<W> {
+    fn nothing(cut: Cut) -> Self {
+        let (mean, middle, prims) = (0.0, 0.0, 0.0);
+        Self { segments: Vec::new(), cut, repeats: false, mean, middle, prims }
+    }
+
+    /// Boxes that a long random line meets for each triangle whose box it meets, as of trees that stand still.
+    fn price(&self) -> f64 {
+        let price = self.mean / self.prims;
+        if price.is_finite() && price > 0.0 { price } else { 1.0 }
+    }
+
+    /// Adds the tree of a segment, and what it is worth.
+    fn push(&mut self, segment: Segment<W>, span: Span) {
+        /// Where in a segment areas are looked at.
+        const LOOKS: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
+        let look = |share: &f32| segment.areas(share * (span.end - span.start));
+        self.mean += LOOKS.iter().map(look).sum::<f64>() / LOOKS.len() as f64;
+        self.segments.push(segment);
+    }
 }
 
 impl Maker<'_> {
-    fn segments<const W: usize>(&self) -> Result<(Vec<Segment<W>>, Cut, bool), SceneError> {
+    fn segments<const W: usize>(&self) -> Result<Tried<W>, SceneError> {
         let last = self.mesh.steps() - 1;
         let whole = Cut { parts: 1, strides: last as u32 };
         let mut best = self.attempt::<W>(whole)?;
@@ -230,11 +272,11 @@ impl Maker<'_> {
             }
             cut = cut.halved();
         }
-        Ok((best.segments, best.cut, best.repeats))
+        Ok(best)
     }
 
     fn attempt<const W: usize>(&self, cut: Cut) -> Result<Tried<W>, SceneError> {
-        let mut tried = Tried { segments: Vec::new(), cut, repeats: false, mean: 0.0, middle: 0.0 };
+        let mut tried = Tried::nothing(cut);
         for span in cut.spans(self.mesh.steps() - 1) {
             self.add(span, &mut tried)?;
         }
@@ -243,18 +285,12 @@ impl Maker<'_> {
 
     /// Adds the tree of a segment.
     fn add<const W: usize>(&self, span: Span, tried: &mut Tried<W>) -> Result<(), SceneError> {
-        /// Where in a segment areas are looked at.
-        const LOOKS: [f32; 5] = [0.0, 0.25, 0.5, 0.75, 1.0];
-        let Self { mesh, moving: Moving { which, .. }, first_id, plan, options, .. } = self;
+        let Self { mesh, moving: Moving { which, .. }, plan, options } = self;
         let cancel: &Cancel = &options.context.cancel;
         let steps = mesh.steps();
         let middle = Moment::at(span.middle(), steps);
-        let boxes = parallel::map_chunks(which, CHUNK, |_, which| {
-            let corners = which.iter().map(|&prim| mesh.corners_of(prim as usize, middle));
-            let boxes = corners.map(|corners| Aabb::of_points(&corners.unwrap_or_default()));
-            boxes.collect::<Vec<_>>()
-        });
-        let bounds: Vec<Aabb> = boxes.into_iter().flatten().collect();
+        let bounds = boxes(mesh, which, middle);
+        tried.prims += bounds.iter().map(Aabb::half_area).sum::<f64>();
 
         // The tree of the middle.
         let tree = plan.build(&bounds, &Whole(&bounds), &options.context)?;
@@ -264,23 +300,75 @@ impl Maker<'_> {
             for (&at, packed) in prims.iter().zip(packed) {
                 let prim = which[at as usize];
                 let corners = mesh.corners_of(prim as usize, middle).unwrap_or_default();
-                *packed = Packed { corners, id: first_id + prim };
+                *packed = Packed { corners, id: prim };
             }
         };
         let wide = lower::<W>(&tree, Numbered::NONE, &source, plan.collapse, cancel)?;
         tried.middle += areas(&wide.nodes);
 
         // The same, moving.
-        let corners = |id: u32, step: usize| {
+        let corners = |prim: u32, step: usize| {
             let moment = Moment::at(step as f32, steps);
-            mesh.corners_of((id - first_id) as usize, moment).unwrap_or_default()
+            mesh.corners_of(prim as usize, moment).unwrap_or_default()
         };
         let segment = Segment::new(wide, span, &corners, cancel)?;
-        let look = |share: &f32| segment.areas(share * (span.end - span.start));
-        tried.mean += LOOKS.iter().map(look).sum::<f64>() / LOOKS.len() as f64;
-        tried.segments.push(segment);
+        tried.push(segment, span);
         Ok(())
     }
+}
+
+/// The boxes of some triangles at a moment.
+fn boxes(mesh: &Mesh, which: &[u32], moment: Moment) -> Vec<Aabb> {
+    let boxes = parallel::map_chunks(which, CHUNK, |_, which| {
+        let corners = which.iter().map(|&prim| mesh.corners_of(prim as usize, moment));
+        let boxes = corners.map(|corners| Aabb::of_points(&corners.unwrap_or_default()));
+        boxes.collect::<Vec<_>>()
+    });
+    boxes.into_iter().flatten().collect()
+}
+
+/// The trees of a mesh that moves, around the same triangles on other ways, in as many steps; all are sound before and now. And how
+/// much dearer they are than when they were built.
+pub(super) fn refit(
+    old: &MovingMesh,
+    mesh: &Mesh,
+    cancel: &Cancel,
+) -> Result<(MovingMesh, f64), SceneError> {
+    let cut = Cut { parts: old.parts, strides: old.strides };
+    let (trees, price) = match &*old.trees {
+        Trees::Wide8(segments) => {
+            let made = refitted(segments, cut, mesh, cancel)?;
+            let price = made.price();
+            (Trees::Wide8(made.segments), price)
+        }
+        Trees::Wide16(segments) => {
+            let made = refitted(segments, cut, mesh, cancel)?;
+            let price = made.price();
+            (Trees::Wide16(made.segments), price)
+        }
+    };
+    Ok((MovingMesh { trees: Arc::new(trees), ..old.clone() }, price / old.built))
+}
+
+fn refitted<const W: usize>(
+    segments: &[Segment<W>],
+    cut: Cut,
+    mesh: &Mesh,
+    cancel: &Cancel,
+) -> Result<Tried<W>, SceneError> {
+    let steps = mesh.steps();
+    let which: Vec<u32> = (0..mesh.triangles().len() as u32).collect();
+    let corners = |prim: u32, step: usize| {
+        let moment = Moment::at(step as f32, steps);
+        mesh.corners_of(prim as usize, moment).unwrap_or_default()
+    };
+    let mut made = Tried::nothing(cut);
+    for (segment, span) in segments.iter().zip(cut.spans(steps - 1)) {
+        let bounds = boxes(mesh, &which, Moment::at(span.middle(), steps));
+        made.prims += bounds.iter().map(Aabb::half_area).sum::<f64>();
+        made.push(Segment::new(segment.still()?, span, &corners, cancel)?, span);
+    }
+    Ok(made)
 }
 
 /// Boxes of what moves are not cut: their parts move, too.

@@ -154,7 +154,9 @@ impl Located {
         let mut steps = steps.into_iter().peekable();
         for (at, instance) in items.iter_mut().enumerate() {
             let inner = &*instance.structure;
-            let located = match steps.next_if(|(of, _)| *of == at) {
+            let steps = steps.next_if(|(of, _)| *of == at);
+            let moves = steps.is_some();
+            let located = match steps {
                 None => locate(inner, &instance.world_from_object),
                 Some((_, steps)) => travel::locate(inner, &steps),
             };
@@ -163,6 +165,10 @@ impl Located {
                 Ok(place) => all_norms.push(block.put(instance, place)),
                 Err(defect) => {
                     defects.push((at, defect));
+                    // Whoever places it again must not take its first step for all of its way.
+                    if moves {
+                        instance.world_from_object = Affine([[f32::NAN; 4]; 3]);
+                    }
                     all_norms.push(block.put(instance, Place::NOWHERE));
                 }
             }

@@ -61,3 +61,17 @@ pub struct Skipped {
     /// The first instance skipped, and what is wrong.
     pub first_instance: Option<(usize, InstanceDefect)>,
 }
+
+impl Skipped {
+    /// Adds what was skipped of more.
+    pub(super) fn add(&mut self, more: &Self) {
+        self.triangles += more.triangles;
+        self.index_out_of_range += more.index_out_of_range;
+        self.bad_vertex += more.bad_vertex;
+        self.others += more.others;
+        self.instances += more.instances;
+        self.first_triangle = self.first_triangle.or(more.first_triangle);
+        self.first_other = self.first_other.or(more.first_other);
+        self.first_instance = self.first_instance.or(more.first_instance);
+    }
+}

@@ -35,8 +35,10 @@ pub(super) fn locate(inner: &Structure, steps: &[Affine]) -> Result<Place, Insta
         PathDefect::Mirrored(step) => InstanceDefect::Mirrored { step },
     })?;
     let object_from_world = steps[0].inverse().ok_or(unusable(0))?;
+    // Who holds nothing now may be given something, and moves then.
     if inner.bounds.is_empty() {
-        return Ok(Place { object_from_world, ..Place::NOWHERE });
+        let motion = Some(Arc::new(Motion::new(path, &[])));
+        return Ok(Place { object_from_world, motion, ..Place::NOWHERE });
     }
 
     let whole = Motion::new(path.clone(), &[inner.reach]).around();

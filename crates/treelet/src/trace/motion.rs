@@ -42,7 +42,7 @@ impl Motion {
         let last = path.steps() - 1;
         let edge = |path: &Path| {
             let sample = images(path, 0.0, cover).extent();
-            f64::from(sample[0].max(sample[1]).max(sample[2]))
+            f64::from(sample[0].max(sample[1]).max(sample[2]).max(0.0))
         };
         let (edge, most) = (edge(&path), PARTS_MAX.min((SAMPLES_MAX / last.max(1)).max(1)));
         let mut parts = 1;

@@ -11,7 +11,7 @@ use super::pending::{Order, Pending, STACK_NEAR};
 use super::prepared::Prepared;
 use super::structure::Structure;
 use super::walk::{Found, Visitor};
-use crate::bounds::SlabRay;
+use crate::bounds::{Aabb, SlabRay};
 use crate::geometry::block::{self, MovingTest};
 use crate::layout::moving::Segment;
 use crate::layout::packing::Packing;
@@ -20,11 +20,12 @@ use crate::math::Ray;
 use crate::math::pose::Moment;
 use crate::memory::{Room, Stack};
 use crate::simd::{Floats, Kernel, Simd, Wide};
+use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::ops::ControlFlow;
 
 /// A mesh that moves.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub(crate) struct MovingMesh {
     /// Its number in the level.
     pub(crate) geom: usize,
@@ -36,7 +37,14 @@ pub(crate) struct MovingMesh {
     /// A segment is so many parts of a step long, or so many steps; one of the two is 1.
     pub(crate) parts: u32,
     pub(crate) strides: u32,
-    pub(crate) trees: Trees,
+    /// Around its triangles at all times.
+    pub(crate) bounds: Aabb,
+    /// Whether a triangle lies in several leaves.
+    pub(crate) repeats: bool,
+    /// What the trees cost when they were built: boxes that a long random line meets for each triangle whose box it meets.
+    pub(crate) built: f64,
+    /// Leaves name triangles by their numbers in the mesh: snapshots share the trees, whatever the mesh is numbered.
+    pub(crate) trees: Arc<Trees>,
 }
 
 /// One tree a segment, as wide as those of the level.
@@ -52,9 +60,14 @@ impl MovingMesh {
         (moment.place * self.parts as f32) as usize / self.strides as usize
     }
 
+    /// Whether its nodes have 8 children.
+    pub(crate) fn is_wide8(&self) -> bool {
+        matches!(*self.trees, Trees::Wide8(_))
+    }
+
     /// Segments of time.
     pub(crate) fn segments(&self) -> usize {
-        match &self.trees {
+        match &*self.trees {
             Trees::Wide8(segments) => segments.len(),
             Trees::Wide16(segments) => segments.len(),
         }
@@ -62,7 +75,7 @@ impl MovingMesh {
 
     /// Bytes that walks read.
     pub(crate) fn bytes(&self) -> usize {
-        match &self.trees {
+        match &*self.trees {
             Trees::Wide8(segments) => segments.iter().map(Segment::bytes).sum(),
             Trees::Wide16(segments) => segments.iter().map(Segment::bytes).sum(),
         }
@@ -137,7 +150,7 @@ impl<'a, V: Visitor<'a>, C: Count> Kernel for MovingLeaf<'a, '_, V, C> {
         }
         let moment = Moment::new(self.ray.time, self.mesh.steps);
         let at = self.mesh.segment(moment);
-        match &self.mesh.trees {
+        match &*self.mesh.trees {
             Trees::Wide8(segments) => match segments.get(at).or(segments.last()) {
                 Some(segment) => self.through::<S, 8>(simd, segment, moment),
                 None => (self.visitor, ControlFlow::Continue(())),
@@ -161,7 +174,7 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
     where
         for<'w, 's> Way<'w, 's, V::Pending, C, W>: Kernel<Output = Child>,
     {
-        let Self { structure, prepared, inst, ray, mut visitor, counters, .. } = self;
+        let Self { structure, mesh, prepared, inst, ray, mut visitor, counters } = self;
         let passed = moment.place - segment.start;
         let after = moment.step - segment.step.min(moment.step);
 
@@ -204,7 +217,7 @@ impl<'a, V: Visitor<'a>, C: Count> MovingLeaf<'a, '_, V, C> {
                 if t > visitor.t_max() {
                     continue;
                 }
-                let id = <Plain as Packing<W>>::id(leaf[0], count, lane);
+                let id = mesh.first_id + <Plain as Packing<W>>::id(leaf[0], count, lane);
                 if visitor.hit(Found { t, u, v, id, inst, structure }).is_break() {
                     return (visitor, ControlFlow::Break(()));
                 }

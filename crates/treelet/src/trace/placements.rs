@@ -197,7 +197,7 @@ impl Instances {
     }
 
     /// Opened as others are that had the same instances; `None` if what is inside one of the opened is
-    /// another.
+    /// another, or it moves with time now.
     pub(crate) fn opened_as(self, before: &Self) -> Option<Self> {
         for (block, (old, new)) in before.blocks.iter().zip(&self.blocks).enumerate() {
             if Arc::ptr_eq(old, new) {
@@ -206,9 +206,10 @@ impl Instances {
             let place = |at: usize| before.parts.partition_point(|it| (it.instance as usize) < at);
             for part in &before.parts[place(block * BLOCK)..place((block + 1) * BLOCK)] {
                 let at = part.instance as usize % BLOCK;
-                let [old, new] = [&old.items[at].structure, &new.items[at].structure];
-                // Nobody begins in what is gone.
-                if !Arc::ptr_eq(old, new) && !new.bounds.is_empty() {
+                let (new, moves) = (&new.items[at].structure, new.items[at].motion.is_some());
+                // Nobody begins in what is gone; what moves is not where the boxes of parts are.
+                let is_same = Arc::ptr_eq(&old.items[at].structure, new) && !moves;
+                if !is_same && !new.bounds.is_empty() {
                     return None;
                 }
             }

@@ -96,6 +96,16 @@ impl Geometry {
     }
 }
 
+/// The geometry and the primitive in it that an id names, by the first id of each geometry.
+#[inline]
+pub(crate) fn name(first_ids: &[u32], id: u32) -> (u32, u32) {
+    let geom = match first_ids {
+        [] | [_] => 0,
+        firsts => firsts.partition_point(|&first| first <= id).saturating_sub(1),
+    };
+    (geom as u32, id - first_ids.get(geom).copied().unwrap_or(0))
+}
+
 /// One level: a tree whose leaves hold triangles, an instance, or a primitive of another kind.
 pub(crate) struct Structure {
     /// The instructions that walk it.
@@ -144,11 +154,7 @@ impl Structure {
     /// The geometry and the primitive in it that an id names.
     #[inline]
     pub(crate) fn name(&self, id: u32) -> (u32, u32) {
-        let geom = match self.first_ids.as_slice() {
-            [] | [_] => 0,
-            firsts => firsts.partition_point(|&first| first <= id).saturating_sub(1),
-        };
-        (geom as u32, id - self.first_ids.get(geom).copied().unwrap_or(0))
+        name(&self.first_ids, id)
     }
 
     /// Whether a ray with this mask sees the primitive.

@@ -84,7 +84,7 @@ pub(crate) fn triangles_of<K: Packing<W>, const W: usize>(
 }
 
 /// The ids of a leaf's triangles; returns how many, none of an instance.
-pub(super) fn ids_of<K: Packing<W>, const W: usize>(
+pub(crate) fn ids_of<K: Packing<W>, const W: usize>(
     wide: &Wide<W, K>,
     child: Child,
     ids: &mut [u32],
@@ -133,7 +133,7 @@ pub(super) fn of_leaf(words: &[f32], count: usize) -> f32 {
 /// The box around a node's children, and the sum of their half areas: four children at a time. The box in a slot without a
 /// child is empty.
 #[inline(always)]
-pub(super) fn of_node<const W: usize>(planes: &[[[f32; W]; 2]; 3]) -> (Aabb, f64) {
+pub(crate) fn of_node<const W: usize>(planes: &[[[f32; W]; 2]; 3]) -> (Aabb, f64) {
     const LANES: usize = 4;
     let mut all = Aabb::EMPTY;
     let mut edges = [[F4::splat(0.0); SLOTS_MAX / LANES]; 3];

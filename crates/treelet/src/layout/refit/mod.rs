@@ -17,8 +17,10 @@ mod areas;
 mod rotate;
 mod touch;
 
-pub(crate) use areas::{Areas, Part, areas, around, half_area, survey, triangles_of, used};
-pub(crate) use touch::{Came, Moved, touch};
+pub(crate) use areas::{
+    Areas, Part, areas, around, half_area, ids_of, of_node, survey, triangles_of, used,
+};
+pub(crate) use touch::{Moved, own_box, touch};
 
 use super::lower::Packed;
 use super::packing::Packing;
@@ -32,7 +34,7 @@ use crate::context::{Cancel, Cancelled, parallel};
 use crate::memory::{self, Pages, Zeroed};
 use ahead::{AHEAD, Ahead};
 use alloc::vec::Vec;
-use areas::{ids_of, of_leaf, of_node};
+use areas::of_leaf;
 use rotate::{Rotations, TURNS, halve};
 
 /// Nodes that one task sweeps.

@@ -1,6 +1,5 @@
 //! Which instances moved, came or went.
 
-use super::Reason;
 use crate::scene::SceneError;
 use crate::trace::placements::{BLOCK, Instances};
 use crate::trace::structure::Layout;
@@ -18,12 +17,12 @@ pub(super) struct Changes {
     pub(super) gone: u64,
 }
 
-/// What became of the instances; or why the tree cannot stay.
+/// What became of the instances.
 pub(super) fn changes(
     before: &Instances,
     after: &Instances,
     layout: &Layout,
-) -> Result<Result<Changes, Reason>, SceneError> {
+) -> Result<Changes, SceneError> {
     let mut changes = Changes::default();
     for (index, new) in after.blocks.iter().enumerate() {
         let old = before.blocks.get(index);
@@ -43,8 +42,11 @@ pub(super) fn changes(
             };
             let was = old.bounds();
             match (was.is_empty(), is.is_empty()) {
-                // It has no leaf.
-                (true, false) => return Ok(Err(Reason::Different)),
+                // It has no leaf, or an empty one.
+                (true, false) => {
+                    changes.came.push(instance);
+                    continue;
+                }
                 (false, true) => changes.gone += 1,
                 _ => {}
             }
@@ -54,5 +56,5 @@ pub(super) fn changes(
             }
         }
     }
-    Ok(Ok(changes))
+    Ok(changes)
 }

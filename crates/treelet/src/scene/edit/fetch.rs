@@ -1,4 +1,4 @@
-//! Where triangles are, for leaves that are written anew.
+//! Where triangles, instances and other primitives are, for leaves that are written anew.
 
 use crate::bounds::Aabb;
 use crate::context::parallel;
@@ -7,61 +7,103 @@ use crate::geometry::{Mesh, Shape};
 use crate::layout::lower::Packed;
 use crate::memory::prefetch;
 use crate::simd::f4::F4;
-use crate::trace::structure::{Geometry, Structure};
+use crate::trace::moving::MovingMesh;
+use crate::trace::placements::Instances;
+use crate::trace::structure::{Geometry, Structure, name};
 
 /// Primitives whose box is found by one task.
 const CHUNK: usize = 16_384;
 
-/// Where triangles are now.
-pub(super) struct Moved<'a> {
+/// Where everything of a level is.
+pub(super) struct Places<'a> {
     pub(super) geometries: &'a [Geometry],
-    /// Whose ids they are named by.
-    pub(super) before: &'a Structure,
+    /// For each geometry, the id of its first primitive.
+    pub(super) first_ids: &'a [u32],
+    /// In the order of their ids.
+    pub(super) moving: &'a [MovingMesh],
+    pub(super) instances: &'a Instances,
 }
 
-impl Moved<'_> {
+impl<'a> Places<'a> {
+    /// Those of a scene as it is.
+    pub(super) fn of(structure: &'a Structure) -> Self {
+        let Structure { geometries, first_ids, moving, instances, .. } = structure;
+        Self { geometries, first_ids, moving, instances }
+    }
+
+    /// The geometry of an id, and its ids.
+    fn geometry(&self, id: u32) -> Option<(&Geometry, core::ops::Range<u32>)> {
+        let (geom, prim) = name(self.first_ids, id);
+        let geometry = self.geometries.get(geom as usize)?;
+        let first = id - prim;
+        Some((geometry, first..first + geometry.shape.len() as u32))
+    }
+
+    /// The box of an instance or, numbered after them, of a primitive that is no triangle, or a mesh that moves.
+    pub(super) fn single(&self, number: usize) -> Aabb {
+        let Some(id) = number.checked_sub(self.instances.entries()) else {
+            return self.instances.bounds(number);
+        };
+        let id = id as u32;
+        if let Ok(at) = self.moving.binary_search_by_key(&id, |mesh| mesh.first_id) {
+            return self.moving[at].bounds;
+        }
+        self.geometry(id)
+            .map_or(Aabb::EMPTY, |(geometry, ids)| geometry.shape.bounds((id - ids.start) as usize))
+    }
+
     /// Asks for the numbers of corners that are needed soon.
     pub(super) fn expect(&self, ids: &[u32]) {
-        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
-            let triangles = mesh.triangles();
-            ids.iter().for_each(|&id| prefetch(triangles, id as usize));
-        }
+        let Some(&first) = ids.first() else { return };
+        let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
+        else {
+            return;
+        };
+        let triangles = mesh.triangles();
+        ids.iter().for_each(|&id| prefetch(triangles, id.wrapping_sub(of_mesh.start) as usize));
     }
 
     /// Asks for corners that are needed soon.
     pub(super) fn expect_corners(&self, ids: &[u32]) {
-        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
-            let (positions, triangles) = (mesh.positions(), mesh.triangles());
-            for &id in ids {
-                for vertex in triangles[id as usize] {
-                    prefetch(positions, vertex as usize);
-                }
+        let Some(&first) = ids.first() else { return };
+        let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
+        else {
+            return;
+        };
+        let (positions, triangles) = (mesh.positions(), mesh.triangles());
+        for &id in ids.iter().filter(|id| of_mesh.contains(id)) {
+            for vertex in triangles[(id - of_mesh.start) as usize] {
+                prefetch(positions, vertex as usize);
             }
         }
     }
 
-    /// All numbers of vertices first, then all vertices: loads that do not wait for each other.
-    /// Whether all triangles are fit for a scene.
+    /// The triangles of some ids; whether all are fit for a scene.
     pub(super) fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
-        if let [Geometry { shape: Shape::Mesh(mesh), .. }] = self.geometries {
-            return fetch_of(mesh, ids, packed);
-        }
+        let (mut ids, mut packed) = (ids, packed);
         let mut fit = true;
-        for (&id, packed) in ids.iter().zip(packed) {
-            let (geom, prim) = self.before.name(id);
-            let Shape::Mesh(mesh) = &self.geometries[geom as usize].shape else { return false };
-            fit &= mesh.defect(prim as usize).is_none();
-            *packed = Packed { corners: mesh.corners(prim as usize).unwrap_or_default(), id };
+        // Mesh by mesh: neighbours are of the same one mostly.
+        while let Some(&first) = ids.first() {
+            let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
+            else {
+                return false;
+            };
+            let run = ids.iter().position(|id| !of_mesh.contains(id)).unwrap_or(ids.len());
+            let (these, others) = ids.split_at(run.max(1));
+            let (places, after) = packed.split_at_mut(these.len());
+            fit &= fetch_of(mesh, of_mesh.start, these, places);
+            (ids, packed) = (others, after);
         }
         fit
     }
 }
 
-/// Triangles of the only mesh.
-fn fetch_of(mesh: &Mesh, ids: &[u32], packed: &mut [Packed]) -> bool {
+/// Triangles of one mesh, whose first id is `first`: all numbers of vertices first, then all vertices: loads that do not wait
+/// for each other. Whether all are fit for a scene.
+fn fetch_of(mesh: &Mesh, first: u32, ids: &[u32], packed: &mut [Packed]) -> bool {
     let (positions, triangles) = (mesh.positions(), mesh.triangles());
     for (&id, packed) in ids.iter().zip(&mut *packed) {
-        let [a, b, c] = triangles[id as usize];
+        let [a, b, c] = triangles[(id - first) as usize];
         *packed = Packed { corners: [[0.0; 3]; 3], id };
         packed.corners[0] = [a, b, c].map(f32::from_bits);
     }
@@ -88,10 +130,11 @@ pub(super) fn has_defects(shape: &Shape) -> bool {
     found.contains(&true)
 }
 
-/// Around all primitives that are fit for a scene.
-pub(super) fn bounds_of(geometries: &[Geometry]) -> Aabb {
-    let mut all = Aabb::EMPTY;
-    for Geometry { shape, .. } in geometries {
+/// Around all primitives that are fit for a scene, at all times.
+pub(super) fn bounds_of(geometries: &[Geometry], moving: &[MovingMesh]) -> Aabb {
+    let mut all = moving.iter().fold(Aabb::EMPTY, |all, mesh| all.union(&mesh.bounds));
+    let still = |it: &&Geometry| it.mesh().is_none_or(|mesh| !mesh.is_moving());
+    for Geometry { shape, .. } in geometries.iter().filter(still) {
         let chunks = (0..shape.len()).step_by(CHUNK).collect();
         let chunks = parallel::map(chunks, |first: usize| {
             let chunk = first..shape.len().min(first + CHUNK);

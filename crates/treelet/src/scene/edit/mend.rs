@@ -1,17 +1,21 @@
 //! Layouts with new boxes or new parts: the same steps for each of them.
 
+use super::Reason;
+use super::fetch::Places;
+use super::sprouts::Sprout;
 use crate::bounds::Aabb;
 use crate::build::BuildError;
 use crate::context::Cancel;
 use crate::layout::compact::pack::pack;
+use crate::layout::exchange::{Branch, Exchanged, Refused, Stay, Twig, exchange};
 use crate::layout::lower::Packed;
-use crate::layout::refit::{self, Areas, Came, Content, Part, Refitted, refit};
+use crate::layout::refit::{self, Areas, Content, Part, Refitted, refit};
 use crate::layout::repair::{Repaired, repair};
-use crate::layout::wide::Wide;
-use crate::scene::SceneError;
+use crate::layout::wide::{Plain, Wide};
 use crate::scene::assemble::COVER_MAX;
 use crate::scene::upkeep::Standing;
-use crate::trace::structure::{Layout, Structure};
+use crate::scene::{Scene, SceneError};
+use crate::trace::structure::{Get, Layout, Structure};
 use crate::tree::Tree;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
@@ -64,16 +68,6 @@ impl Mended {
             Self::Compact(it) => Layout::Compact(pack(&it.wide, cancel)?),
         };
         Ok((layout, cover, triangles))
-    }
-
-    /// What each node cost when it was built; those that came since cost what they cost now.
-    pub(super) fn prices(&self, built: &Arc<Vec<f32>>) -> Arc<Vec<f32>> {
-        if each!(self, it => it.wide.nodes.len()) == built.len() {
-            return Arc::clone(built);
-        }
-        let parts = each!(self, it => refit::survey(&it.wide, &it.triangles));
-        let more = parts.iter().skip(built.len()).map(Part::price);
-        Arc::new(built.iter().copied().chain(more).collect())
     }
 
     /// See [`repair`].
@@ -132,22 +126,102 @@ pub(super) fn touched(
     layout: &Layout,
     tree: (Aabb, Areas, &[f32]),
     moved: &[refit::Moved],
-    came: &Came<'_>,
     instance: impl Fn(usize) -> Aabb,
 ) -> Result<Option<Mended>, BuildError> {
     Ok(match layout {
-        Layout::Wide8(wide) => {
-            Some(Mended::Wide8(refit::touch(wide, tree, moved, came, instance)?))
-        }
-        Layout::Wide16(wide) => {
-            Some(Mended::Wide16(refit::touch(wide, tree, moved, came, instance)?))
-        }
+        Layout::Wide8(wide) => Some(Mended::Wide8(refit::touch(wide, tree, moved, instance)?)),
+        Layout::Wide16(wide) => Some(Mended::Wide16(refit::touch(wide, tree, moved, instance)?)),
         Layout::Compact(_) => None,
     })
 }
 
+/// What comes into a tree.
+pub(super) enum Sprig<'a> {
+    /// An instance, by its number.
+    Single(usize, Aabb),
+    Tree {
+        sprout: &'a Sprout,
+        /// Of the shape's first primitive.
+        first_id: u32,
+        /// What it is called where it is no triangle.
+        first_number: usize,
+    },
+}
+
+impl<'a> Sprig<'a> {
+    /// As a tree of so many children a node takes it; `None` if it has others.
+    fn twig<const W: usize>(&'a self) -> Option<Twig<'a, W>>
+    where
+        Layout: Get<Plain, W>,
+    {
+        Some(match *self {
+            Self::Single(number, bounds) => Twig::Single(number, bounds),
+            Self::Tree { sprout: Sprout { scene, standing, .. }, first_id, first_number } => {
+                let Standing { areas, prices, triangles, .. } = standing;
+                Twig::Tree(Branch {
+                    wide: scene.structure.layout.get()?,
+                    bounds: scene.structure.bounds,
+                    first_id,
+                    first_number,
+                    areas: *areas,
+                    prices,
+                    triangles,
+                })
+            }
+        })
+    }
+}
+
+/// The tree without what went and with what came, and what its nodes cost when they were built; see [`exchange`].
+pub(super) fn exchanged(
+    layout: &Layout,
+    stay: &Stay<'_>,
+    content: &Content<
+        '_,
+        impl Fn(&[u32], &mut [Packed]) -> bool + Sync,
+        impl Fn(usize) -> Aabb + Sync,
+    >,
+    (sprigs, numbers): (&[Sprig<'_>], usize),
+    prices: &[f32],
+    cancel: &Cancel,
+) -> Result<Result<(Mended, Vec<f32>), Reason>, SceneError> {
+    macro_rules! exchanged {
+        ($wide:expr, $mended:expr) => {{
+            let Some(twigs) = sprigs.iter().map(Sprig::twig).collect::<Option<Vec<_>>>() else {
+                return Ok(Err(Reason::Different));
+            };
+            match exchange($wide, stay, content, (&twigs, numbers), prices, cancel)? {
+                Err(Refused::Unfit) => Err(Reason::Unfit),
+                Err(Refused::Different) => Err(Reason::Different),
+                Ok(Exchanged { refitted, prices }) => Ok(($mended(refitted), prices)),
+            }
+        }};
+    }
+    Ok(match layout {
+        Layout::Wide8(wide) => exchanged!(wide, Mended::Wide8),
+        Layout::Wide16(wide) => exchanged!(wide, Mended::Wide16),
+        Layout::Compact(wide) => exchanged!(wide, Mended::Compact),
+    })
+}
+
 /// What a tree is worth that is as it was built.
-pub(super) fn appraise(
+pub(super) fn standing(scene: &Scene) -> Standing {
+    let places = Places::of(&scene.structure);
+    let fetch = |ids: &[u32], packed: &mut [Packed]| places.fetch(ids, packed);
+    let expect = |ids: &[u32]| places.expect(ids);
+    let single = |number: usize| places.single(number);
+    let expect_corners = |ids: &[u32]| places.expect_corners(ids);
+    let content = Content {
+        triangles: &fetch,
+        expect: &expect,
+        expect_corners: &expect_corners,
+        instance: &single,
+    };
+    appraise(&scene.structure.layout, &content)
+}
+
+/// What a tree is worth that was made of this.
+fn appraise(
     layout: &Layout,
     content: &Content<
         '_,
