@@ -88,3 +88,32 @@ fn worn_trees_are_mended_while_they_are_refitted() {
         assert_eq!(answers(&repaired.scene, &rays), answers(&fresh, &rays), "{layout:?}");
     }
 }
+
+/// So many nodes that they are swept in pieces: the tree is the same whoever sweeps them, and what waits for other pieces is
+/// rotated, too.
+#[test]
+fn rotations_do_not_depend_on_the_number_of_threads() {
+    let rest = soup(30_000);
+    let options = BuildOptions { layout: Some(LayoutChoice::Wide8), ..BuildOptions::default() };
+    let mesh = |positions| Mesh::new(positions, rest.triangles.clone());
+    let built = Scene::builder().mesh(mesh(rest.positions.clone())).build(&options).unwrap();
+    let play = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let (mut scene, mut decays) = (built.clone(), Vec::new());
+            for step in 1..=6 {
+                let positions = burst(&rest, step as f32);
+                let (next, decay) = refitted(&scene, positions, &options);
+                scene = next;
+                decays.push(decay.to_bits());
+            }
+            (scene, decays)
+        })
+    };
+    let [(one, decays), (three, same)] = [1, 3].map(play);
+    assert_eq!(decays, same);
+    let fresh = Scene::builder().mesh(mesh(burst(&rest, 6.0))).build(&options).unwrap();
+    let rays = verify::rays(&fresh, 60, SEED);
+    let told = answers(&fresh, &rays);
+    assert_eq!((&answers(&one, &rays), &answers(&three, &rays)), (&told, &told));
+}

@@ -230,7 +230,7 @@ impl<const W: usize> Packing<W> for Plain {
 /// A tree of wide nodes, and the triangles of its leaves.
 #[derive(Debug)]
 pub(crate) struct Wide<const W: usize, K: Packing<W> = Plain> {
-    /// Parents before children, each followed by its largest child's subtree.
+    /// Parents before children; when built, each is followed by its largest child's subtree.
     pub(crate) nodes: Pages<K::Node>,
     /// Where a walk begins; [`Child::END`] for the tree of nothing.
     pub(crate) root: Child,

@@ -8,7 +8,9 @@
 //!
 //! Children go on standing after their parents: a node may come under those that stand before it only.
 //!
-//! Cost: a sweep looks at every fourth node, in turns ([`TURNS`]): a tenth of the time of a refit or two, in trees that have decayed.
+//! Cost: a sweep looks at every fourth node, in turns ([`TURNS`]), and only in trees that have decayed: a refit of a bursting kitchen of 1.4
+//! million triangles took 32 ms instead of 26 (one core), of a house 36 instead of 27. Worth: after 48 frames rays that were traced with refits alone
+//! visited 21 and 18 % fewer nodes, 19 and 12 % fewer leaves. What repairs mend anyway gains next to nothing (within 5 %).
 
 use super::areas::{around, of_node, used};
 use super::half_area;
@@ -18,8 +20,8 @@ use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, LEAF_MAX, Node, Plain};
 use crate::simd::f4::F4;
 
-/// Sweeps until every node was looked at. With 1, refits of a bursting kitchen took half as long again, for trees that are 3 to 8 %
-/// quicker.
+/// Sweeps until every node was looked at. With 1, refits of a bursting kitchen took half as long again as without any, for some 6 %
+/// fewer visits of nodes.
 pub(super) const TURNS: u32 = 4;
 /// A move gains at least this share of the half area of the node in which it happens.
 const WORTH: f64 = 0.01;
