@@ -77,20 +77,25 @@ pub struct SlabRay {
 }
 
 impl SlabRay {
+    /// No ray yet.
+    pub(crate) const BLANK: Self = Self { sides: [[0.0; 4]; 2], reciprocal: [0.0; 4], backward: 0 };
+
     /// Prepares `origin + t * direction` for boxes that count as wider by at least `slack >= 0`
     /// on every side.
     pub fn new(origin: [f32; 3], direction: [f32; 3], slack: f32) -> Self {
         let lanes = |[x, y, z]: [f32; 3]| Floats::load(Scalar, &[x, y, z, z]);
         let slack = Floats::splat(Scalar, slack);
-        Self::of_lanes(Scalar, lanes(origin), lanes(direction), slack)
+        let direction: <Scalar as Simd>::F4 = lanes(direction);
+        let reciprocal = <Scalar as Simd>::F4::splat(Scalar, 1.0).div(direction);
+        Self::of_lanes(Scalar, lanes(origin), (direction, reciprocal), slack)
     }
 
-    /// The same of vectors; `slack` in every lane.
+    /// The same of vectors, and of `1 / direction` as it is; `slack` in every lane.
     #[inline(always)]
     pub(crate) fn of_lanes<S: Simd>(
         simd: S,
         origin: S::F4,
-        direction: S::F4,
+        (direction, reciprocal): (S::F4, S::F4),
         slack: S::F4,
     ) -> Self {
         let splat = |x: f32| S::F4::splat(simd, x);
@@ -98,7 +103,6 @@ impl SlabRay {
         // even for a slack below the origin's own precision.
         let ulp = origin.abs().mul(splat(WIDER * f32::EPSILON));
         let by = slack.mul(splat(WIDER)).add(splat(f32::MIN_POSITIVE)).add(ulp);
-        let reciprocal = splat(1.0).div(direction);
         let reciprocal = splat(f32::MAX).min(splat(f32::MIN).max(reciprocal));
         Self {
             sides: [origin.add(by).lanes(), origin.sub(by).lanes()],
@@ -141,24 +145,6 @@ impl SlabRay {
     #[inline(always)]
     pub(crate) fn reciprocal(&self, axis: usize) -> f32 {
         self.reciprocal[axis]
-    }
-
-    /// [`SlabRay::interval`] of a box whose corners are given as lanes.
-    #[inline(always)]
-    pub(crate) fn interval_of_lanes<S: Simd>(&self, simd: S, corners: &[[f32; 4]; 2]) -> Interval {
-        let load = |lanes: &[f32; 4]| S::F4::load(simd, lanes);
-        let reciprocal = load(&self.reciprocal);
-        let lower = load(&corners[0]).sub(load(&self.sides[0])).mul(reciprocal).lanes();
-        let upper = load(&corners[1]).sub(load(&self.sides[1])).mul(reciprocal).lanes();
-        let mut inside = Interval::ALL;
-        for axis in 0..3 {
-            let (lower, upper) = (lower[axis], upper[axis]);
-            let backward = self.backward(axis) == 1;
-            let (entry, exit) = if backward { (upper, lower) } else { (lower, upper) };
-            inside.entry = if entry > inside.entry { entry } else { inside.entry };
-            inside.exit = if exit < inside.exit { exit } else { inside.exit };
-        }
-        inside
     }
 
     /// Where the ray is in the widened box.

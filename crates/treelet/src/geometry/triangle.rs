@@ -43,6 +43,7 @@
 //! see `trace::slack`. `tests/watertight.rs` attacks all of it.
 
 use crate::bounds::{Aabb, Interval, SlabRay};
+use crate::simd::{Floats, Four, Scalar, Shuffle, Simd};
 
 /// Half a unit in the last place of 1: the largest relative error of one f32 rounding.
 pub(crate) const UNIT_ROUNDOFF: f32 = f32::EPSILON / 2.0;
@@ -55,10 +56,10 @@ pub(crate) const SLACK: f32 = 16.0;
 pub struct TriangleRay {
     /// The axes that become x, y and z; z is where the direction is longest.
     pub(super) axes: [u8; 3],
-    /// The origin's coordinates on those axes.
-    pub(super) origin: [f32; 3],
-    /// What x and y change along z: `direction[x] (1 / direction[z])`, and of y.
-    pub(super) shear: [f32; 2],
+    /// The origin's coordinates on those axes, and a lane that nobody reads.
+    pub(super) origin: [f32; 4],
+    /// What x and y change along z: `direction[x] (1 / direction[z])`, and of y. Two more lanes.
+    pub(super) shear: [f32; 4],
     /// `1 / direction[z]`.
     pub(super) reciprocal_z: f64,
     /// Whether nothing about ray and level comes near overflow or underflow: see [`Ordinary`].
@@ -143,6 +144,33 @@ impl EdgeRule for Closed {
 /// The two axes after each; one more to spare a check.
 pub(crate) const NEXT: [[u8; 2]; 4] = [[1, 2], [2, 0], [0, 1], [0, 1]];
 
+/// How coordinates become those that triangles are tested on.
+struct Turn {
+    /// As lanes, the last of them twice.
+    order: Shuffle,
+    axes: [u8; 3],
+}
+
+/// By which components are shorter than the next, cyclically: bit 0, x than y; bit 1, y than z; bit 2, z than x.
+static TURNS: [Turn; 8] = {
+    let mut turns = [const { Turn { order: [0; 16], axes: [0; 3] } }; 8];
+    let mut less = 0;
+    while less < turns.len() {
+        // As `longest_axis` has it.
+        let z = if less & 0b110 == 0b010 { 2 } else { less & 1 };
+        let [x, y] = NEXT[z];
+        turns[less].axes = [x, y, z as u8];
+        let mut byte = 0;
+        while byte < 16 {
+            let lane = if byte < 12 { byte / 4 } else { 2 };
+            turns[less].order[byte] = 4 * turns[less].axes[lane] + (byte % 4) as u8;
+            byte += 1;
+        }
+        less += 1;
+    }
+    turns
+};
+
 /// A corner after the shear: the ray is the z axis.
 type Sheared = [f32; 3];
 
@@ -155,20 +183,41 @@ pub(crate) fn longest_axis(direction: [f32; 3]) -> usize {
 }
 
 impl TriangleRay {
+    /// No ray yet.
+    pub(crate) const BLANK: Self = Self {
+        axes: [0; 3],
+        origin: [0.0; 4],
+        shear: [0.0; 4],
+        reciprocal_z: 0.0,
+        ordinary: false,
+    };
+
     /// Prepares a ray whose direction is finite and not zero.
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> Self {
-        let z = longest_axis(direction);
-        let [x, y] = NEXT[z & 3];
-        let [x, y] = [usize::from(x & 3), usize::from(y & 3)];
-        let origin = [origin[0], origin[1], origin[2], 0.0];
-        let direction = [direction[0], direction[1], direction[2], 0.0];
-        let reciprocal = 1.0 / direction[z];
+        let lanes = |[x, y, z]: [f32; 3]| Floats::load(Scalar, &[x, y, z, z]);
+        let direction: <Scalar as Simd>::F4 = lanes(direction);
+        let reciprocal = <Scalar as Simd>::F4::splat(Scalar, 1.0).div(direction);
+        Self::of_lanes(Scalar, lanes(origin), (direction, reciprocal))
+    }
+
+    /// The same of lanes `x, y, z, z`, and of `1 / direction`.
+    #[inline(always)]
+    pub(crate) fn of_lanes<S: Simd>(
+        simd: S,
+        origin: S::F4,
+        (direction, reciprocal): (S::F4, S::F4),
+    ) -> Self {
+        let size = direction.abs();
+        let Turn { order, axes } = &TURNS[size.lt(size.yzxx()) as usize % TURNS.len()];
+        let direction = direction.reordered(order);
+        let [.., reciprocal, _] = reciprocal.reordered(order).lanes();
+        let [.., along, _] = direction.lanes();
         Self {
-            axes: [x as u8, y as u8, z as u8],
-            origin: [origin[x], origin[y], origin[z]],
-            shear: [direction[x] * reciprocal, direction[y] * reciprocal],
-            reciprocal_z: 1.0 / f64::from(direction[z]),
+            axes: *axes,
+            origin: origin.reordered(order).lanes(),
+            shear: direction.mul(S::F4::splat(simd, reciprocal)).lanes(),
+            reciprocal_z: 1.0 / f64::from(along),
             ordinary: false,
         }
     }
@@ -179,9 +228,17 @@ impl TriangleRay {
         Self { ordinary, ..self }
     }
 
+    /// Whether it is.
+    #[inline(always)]
+    pub(crate) fn is_ordinary(&self) -> bool {
+        self.ordinary
+    }
+
     /// The ray whose axes, origin and shear on them, and direction along the last one are these.
     #[inline(always)]
     pub(crate) fn of_parts(axes: [u8; 3], origin: [f32; 3], shear: [f32; 2], along: f32) -> Self {
+        let ([a, b, c], [x, y]) = (origin, shear);
+        let (origin, shear) = ([a, b, c, c], [x, y, y, y]);
         Self { axes, origin, shear, reciprocal_z: 1.0 / f64::from(along), ordinary: false }
     }
 
@@ -231,7 +288,8 @@ impl TriangleRay {
 
     /// The axes, the origin on them, and the shear: what a test of many triangles side by side needs.
     pub(crate) fn parts(&self) -> ([usize; 3], [f32; 3], [f32; 2]) {
-        (self.axes.map(usize::from), self.origin, self.shear)
+        let ([a, b, c, _], [x, y, ..]) = (self.origin, self.shear);
+        (self.axes.map(usize::from), [a, b, c], [x, y])
     }
 
     #[inline(always)]

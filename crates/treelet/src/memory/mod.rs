@@ -1,10 +1,12 @@
 //! Arrays that are owned, shared or lent by somebody else, on huge pages where walks read them;
-//! stacks; sizes that may fail.
+//! stacks; levels; sizes that may fail.
 
+mod levels;
 mod pages;
 mod prefetch;
 mod stack;
 
+pub(crate) use levels::Levels;
 pub(crate) use pages::{Pages, Zeroed, zeroed};
 pub(crate) use prefetch::prefetch;
 pub(crate) use stack::{Room, Stack};

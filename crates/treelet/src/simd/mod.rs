@@ -147,6 +147,10 @@ pub(crate) trait Four: Floats<4> {
     fn xyzz(self) -> Self;
     /// Absolute values.
     fn abs(self) -> Self;
+    /// The lanes y, z, x, x.
+    fn yzxx(self) -> Self;
+    /// Lanes in another order, each perhaps more than once: whole lanes are moved.
+    fn reordered(self, order: &Shuffle) -> Self;
     /// The largest lane, in every lane; none may be NaN.
     fn max_lane(self) -> Self;
     /// Bit `i` is the sign of lane `i`.

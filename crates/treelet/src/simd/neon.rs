@@ -162,6 +162,24 @@ impl Four for F4 {
     }
 
     #[inline(always)]
+    fn yzxx(self) -> Self {
+        // SAFETY: as above.
+        Self(unsafe {
+            let yzwx = vextq_f32::<1>(self.0, self.0);
+            vcopyq_laneq_f32::<2, 3>(yzwx, yzwx)
+        })
+    }
+
+    #[inline(always)]
+    fn reordered(self, order: &Shuffle) -> Self {
+        // SAFETY: as above; 16 bytes are readable.
+        Self(unsafe {
+            let bytes = vqtbl1q_u8(vreinterpretq_u8_f32(self.0), vld1q_u8(order.as_ptr()));
+            vreinterpretq_f32_u8(bytes)
+        })
+    }
+
+    #[inline(always)]
     fn max_lane(self) -> Self {
         // SAFETY: as above.
         let halves_swapped = Self(unsafe { vextq_f32::<2>(self.0, self.0) });

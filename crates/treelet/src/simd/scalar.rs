@@ -118,6 +118,18 @@ impl Four for Lanes {
     }
 
     #[inline(always)]
+    fn yzxx(self) -> Self {
+        let [x, y, z, _] = self.0;
+        Self([y, z, x, x])
+    }
+
+    #[inline(always)]
+    fn reordered(self, order: &Shuffle) -> Self {
+        let lane = |i: usize| self.0[usize::from(order[4 * i] / 4) % 4];
+        Self([lane(0), lane(1), lane(2), lane(3)])
+    }
+
+    #[inline(always)]
     fn max_lane(self) -> Self {
         let [x, y, z, w] = self.0;
         let xy = if x > y { x } else { y };

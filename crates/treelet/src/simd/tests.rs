@@ -100,7 +100,16 @@ fn four<S: Simd>(simd: S, shift: usize, bits: &mut Vec<u64>) {
         let size = b.map(|x| if x.is_nan() { 7.0 } else { x.abs() });
         let negative = size.map(|x| -1.0 - x);
         let [a, b, size, negative] = [a, b, size, negative].map(|x| S::F4::load(simd, &x));
-        let all = [a.xyzz(), a.abs(), a.div(b), size.max_lane(), negative.max_lane()];
+        let order = core::array::from_fn(|i| (4 * ((3 * (i / 4) + shift) % 4) + i % 4) as u8);
+        let all = [
+            a.xyzz(),
+            a.yzxx(),
+            a.abs(),
+            a.div(b),
+            a.reordered(&order),
+            size.max_lane(),
+            negative.max_lane(),
+        ];
         bits.extend(all.iter().flat_map(|v| v.lanes()).map(narrow_bits));
         bits.push(u64::from(a.signs()));
         let bytes = core::array::from_fn(|i| (29 * i + shift) as u8);

@@ -115,6 +115,18 @@ impl Four for F4 {
     }
 
     #[inline(always)]
+    fn yzxx(self) -> Self {
+        Self(i32x4_shuffle::<1, 2, 0, 0>(self.0, self.0))
+    }
+
+    #[inline(always)]
+    fn reordered(self, order: &Shuffle) -> Self {
+        // SAFETY: 16 bytes are readable; they need not be aligned.
+        let order = unsafe { v128_load(order.as_ptr().cast()) };
+        Self(u8x16_swizzle(self.0, order))
+    }
+
+    #[inline(always)]
     fn max_lane(self) -> Self {
         let pairs = self.max(Self(i32x4_shuffle::<2, 3, 0, 1>(self.0, self.0)));
         pairs.max(Self(i32x4_shuffle::<1, 0, 3, 2>(pairs.0, pairs.0)))

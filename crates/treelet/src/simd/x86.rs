@@ -18,6 +18,21 @@ macro_rules! four {
             }
 
             #[inline(always)]
+            fn yzxx(self) -> Self {
+                // SAFETY: as above.
+                Self(unsafe { _mm_shuffle_ps::<0b00_00_10_01>(self.0, self.0) })
+            }
+
+            #[inline(always)]
+            fn reordered(self, order: &Shuffle) -> Self {
+                // SAFETY: as above; 16 bytes are readable.
+                Self(unsafe {
+                    let order = _mm_loadu_si128(order.as_ptr().cast());
+                    _mm_castsi128_ps(_mm_shuffle_epi8(_mm_castps_si128(self.0), order))
+                })
+            }
+
+            #[inline(always)]
             fn max_lane(self) -> Self {
                 // SAFETY: as above.
                 Self(unsafe {

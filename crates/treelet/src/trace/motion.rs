@@ -82,12 +82,6 @@ impl Motion {
         widened_way(&samples.fold(ends, |all, bounds| all.union(bounds)))
     }
 
-    /// Around it at a time, as an instance's corners.
-    #[inline(never)]
-    pub(crate) fn corners(&self, time: f32) -> [[f32; 4]; 2] {
-        Instance::corners(&self.bounds(time))
-    }
-
     /// Around it at a time.
     pub(crate) fn bounds(&self, time: f32) -> Aabb {
         let place = Moment::new(time, self.path.steps()).place * self.parts as f32;

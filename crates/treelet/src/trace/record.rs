@@ -7,7 +7,7 @@
 use super::prepared::Prepared;
 use super::slack::Slack;
 use super::structure::Structure;
-use crate::bounds::{Aabb, Interval, SlabRay, slab};
+use crate::bounds::{Aabb, SlabRay, slab};
 use crate::geometry::bundle::Bundle;
 use crate::geometry::triangle::{NEXT, Ordinary, SLACK, TriangleRay, UNIT_ROUNDOFF, longest_axis};
 use crate::math::Ray;
@@ -96,19 +96,14 @@ pub(crate) fn prepared(
 ) -> Prepared {
     let ordinary = structure.ordinary & Ordinary::ray(ray.origin, rest.along);
     let shear = [record.0[SHEAR], record.0[SHEAR + 1]];
-    Prepared {
-        origin: ray.origin,
-        direction: ray.direction,
-        slab: SlabRay::of_parts(
-            record.triple(NEAR),
-            record.triple(FAR),
-            record.triple(RECIPROCAL),
-            class.backward(),
-        ),
-        triangle: TriangleRay::of_parts(class.axes(), record.triple(ORIGIN), shear, rest.along)
-            .ordinary(ordinary),
-        clip: Interval::ALL,
-    }
+    let slab = SlabRay::of_parts(
+        record.triple(NEAR),
+        record.triple(FAR),
+        record.triple(RECIPROCAL),
+        class.backward(),
+    );
+    let triangle = TriangleRay::of_parts(class.axes(), record.triple(ORIGIN), shear, rest.along);
+    Prepared::of_parts(ray, slab, triangle.ordinary(ordinary))
 }
 
 /// The words of 16 records, a ray a lane.

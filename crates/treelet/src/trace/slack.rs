@@ -24,6 +24,11 @@
 //!
 //! - Maps that move (`trace::motion`) have bounds on `m`, `n`, `K` and `v` instead, over all times: see [`Stretch`].
 //!
+//! So a hit inside lies, seen from outside, in the widened box of the instance, and the level's own `16 u R` is there
+//! for what the slab test of that box rounds: the interval of the box admits every `t` that is accepted inside. Clamping `t` into
+//! it changes nothing where the terms hold as they stand (`Ordinary` in [`crate::geometry::triangle`], inside and outside); walks
+//! skip it there, brute force never does.
+//!
 //! # Where the widening goes
 //!
 //! The sum grows with `R(o)`, by a factor `n m` that an uneven scaling makes large: 1000 for a board
@@ -177,14 +182,17 @@ impl Slack {
     #[inline(always)]
     pub(crate) fn at<S: Simd>(&self, simd: S, distance: S::F4) -> S::F4 {
         let near = distance.mul(S::F4::splat(simd, UNIT_ROUNDOFF * SLACK));
-        if self.far_share == 0.0 {
+        let [distance, ..] = distance.lanes();
+        // Asked as a question, not computed as a maximum with zero, so that nobody waits for the answer.
+        if self.far_share == 0.0 || f64::from(distance) <= self.near.reach {
             return near;
         }
-        near.add(S::F4::splat(simd, self.beyond(distance.lanes()[0])))
+        near.add(S::F4::splat(simd, self.beyond(distance)))
     }
 
     /// What rays from far away need on top.
     #[cold]
+    #[inline(never)]
     fn beyond(&self, distance: f32) -> f32 {
         let beyond = (f64::from(distance) - self.near.reach).max(0.0);
         crate::math::rounding::up(f64::from(UNIT_ROUNDOFF) * self.far_share * beyond)

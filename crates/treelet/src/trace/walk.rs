@@ -25,7 +25,7 @@ use crate::geometry::{Meeting, block};
 use crate::layout::packing::Packing;
 use crate::layout::wide::{Child, ChildKind, Wide as WideTree};
 use crate::math::Ray;
-use crate::memory::{Room, Stack};
+use crate::memory::{Levels, Room, Stack};
 use crate::simd::{Kernel, Simd, Wide};
 use core::ops::ControlFlow;
 
@@ -69,10 +69,16 @@ pub(super) struct Frame<'a, K: Packing<W>, const W: usize> {
     pub(super) ray: Prepared,
     /// Rank of the path to this level.
     pub(super) inst: u64,
+    /// The instance whose inside stands at the next depth; [`NOBODY`] if none does.
+    pub(super) entered: usize,
 }
 
-/// Saved levels that need no allocation.
-pub(super) const FRAMES_NEAR: usize = 2;
+/// See [`Frame::entered`].
+pub(super) const NOBODY: usize = usize::MAX;
+
+/// Levels that need no allocation.
+pub(super) const FRAMES_NEAR: usize = 3;
+
 /// Shows the visitor every hit of a ray that it could want, in no particular order.
 #[inline(always)]
 pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
@@ -91,7 +97,7 @@ pub(crate) fn walk<'a, K, S, V, C, const W: usize>(
 {
     let Some(wide) = Get::<K, W>::get(structure.layout_at(ray.time)) else { return };
     let Some(prepared) = Prepared::new(simd, ray, structure) else { return };
-    let frame = Frame { structure, wide, ray: prepared, inst: 0 };
+    let frame = Frame { structure, wide, ray: prepared, inst: 0, entered: NOBODY };
     walk_in::<K, S, V, C, W>(simd, frame, wide.root, ray, visitor, counters);
 }
 
@@ -115,14 +121,14 @@ pub(crate) fn walk_from<'a, K, S, V, C, const W: usize>(
 {
     // Slices go through one tree: where there are several, rays go one by one.
     let Some(wide) = Get::<K, W>::get(&structure.layout) else { return };
-    let frame = Frame { structure, wide, ray: prepared, inst: 0 };
+    let frame = Frame { structure, wide, ray: prepared, inst: 0, entered: NOBODY };
     walk_in::<K, S, V, C, W>(simd, frame, start, ray, visitor, counters);
 }
 
 #[inline(always)]
 fn walk_in<'a, K, S, V, C, const W: usize>(
     simd: S,
-    mut frame: Frame<'a, K, W>,
+    frame: Frame<'a, K, W>,
     start: Child,
     ray: &Ray,
     visitor: &mut V,
@@ -135,13 +141,14 @@ fn walk_in<'a, K, S, V, C, const W: usize>(
     V: Visitor<'a>,
     C: Count,
 {
-    let mut frames = Room::<Frame<'_, K, W>, FRAMES_NEAR>::new();
-    let mut frames = Stack::new(&mut frames);
+    let mut levels = Levels::<Frame<'_, K, W>, FRAMES_NEAR>::new(frame);
+    let mut depth = 0;
     let mut stack = Room::<V::Pending, STACK_NEAR>::new();
     let mut stack = Stack::new(&mut stack);
     let mut next = start;
     loop {
-        // One level, until the ray leaves it or enters another.
+        // One level, until the ray leaves it or comes to an instance.
+        let Some(frame) = levels.get(depth) else { return };
         loop {
             if next.is_inner() {
                 let (nodes, slab) = (&*frame.wide.nodes, &frame.ray.slab);
@@ -159,7 +166,7 @@ fn walk_in<'a, K, S, V, C, const W: usize>(
             };
             if first < frame.wide.triangles {
                 counters.leaf(count);
-                if triangles::<K, S, V, W>(simd, &frame, (first, count), ray, visitor).is_break() {
+                if triangles::<K, S, V, W>(simd, frame, (first, count), ray, visitor).is_break() {
                     return;
                 }
             } else if next == Child::NONE {
@@ -167,8 +174,8 @@ fn walk_in<'a, K, S, V, C, const W: usize>(
                 next = pending.child();
                 continue;
             } else if next == Child::END {
-                let Some(outer) = frames.pop() else { return };
-                frame = outer;
+                let Some(outer) = depth.checked_sub(1) else { return };
+                depth = outer;
                 next = pop(visitor.t_max(), &mut stack, counters);
                 break;
             } else if let at = first - frame.wide.triangles
@@ -176,26 +183,37 @@ fn walk_in<'a, K, S, V, C, const W: usize>(
             {
                 let lent = visitor.lend();
                 let (lent, flow) =
-                    rare::<K, S, V, C, W>(simd, &frame, id as u32, ray, lent, counters);
+                    rare::<K, S, V, C, W>(simd, frame, id as u32, ray, lent, counters);
                 *visitor = lent;
                 if flow.is_break() {
                     return;
                 }
             } else {
-                let leaf = InstanceLeaf {
-                    at: first - frame.wide.triangles,
-                    frame: &mut frame,
-                    frames: &mut frames,
-                    ray,
-                    t_max: visitor.t_max(),
-                    counters: &mut *counters,
-                };
-                let start = simd.call(leaf);
-                if start != Child::NONE {
-                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
-                    next = start;
+                let number = first - frame.wide.triangles;
+                let (place, wanted) = ((&mut levels, depth), (ray, visitor.t_max()));
+                let start =
+                    simd.apply::<InstanceLeaf<'_, '_, K, C, W>>(place, wanted, number, counters);
+                next = start;
+                if start == Child::NONE {
+                    next = pop(visitor.t_max(), &mut stack, counters);
                     break;
                 }
+                let Some(inner) = levels.get(depth + 1) else { return };
+                if let ChildKind::Leaf { first, count } = start.kind()
+                    && first < inner.wide.triangles
+                {
+                    // Nothing to come back from.
+                    counters.leaf(count);
+                    if triangles::<K, S, V, W>(simd, inner, (first, count), ray, visitor).is_break()
+                    {
+                        return;
+                    }
+                    next = pop(visitor.t_max(), &mut stack, counters);
+                } else {
+                    stack.push(Pending::new(Child::END, f32::NEG_INFINITY.to_bits()));
+                    depth += 1;
+                }
+                break;
             }
             next = pop(visitor.t_max(), &mut stack, counters);
         }

@@ -105,8 +105,11 @@ impl<'a> BruteForce<'a> {
                     Some(motion) => motion.columns(ray.time),
                 };
                 let Some(columns) = columns else { continue };
-                let entered = prepared.enter(Scalar, &columns, clip, inner);
-                open.extend(entered.map(|prepared| (inner, prepared, inst + instance.rank)));
+                let mut entered = Prepared::BLANK;
+                if prepared.enter(Scalar, &columns, inner, &mut entered) {
+                    entered.clip = clip;
+                    open.push((inner, entered, inst + instance.rank));
+                }
             }
         }
         hits.sort_unstable_by(Hit::cmp_along_ray);
