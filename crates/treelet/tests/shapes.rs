@@ -412,8 +412,9 @@ fn edits_move_every_kind() {
     edit.set_mask(2, 0).unwrap();
     edit.remove_shape(3).unwrap();
     let added = edit.add_shape(discs(30, random));
+    edit.policy = Policy::Refit;
     let edited = edit.commit(&options).unwrap();
-    assert_eq!((edited.action, added), (Action::Rebuilt, 8));
+    assert_eq!((edited.action, added), (Action::Refitted, 8), "{edited}");
     check(&edited.scene, "edited");
     assert!(edited.scene.edit().set_positions(2, [[0.0; 3]]).is_err());
 }

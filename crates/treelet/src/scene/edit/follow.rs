@@ -70,15 +70,9 @@ impl Edit {
         let sprouts = self.sprouts(&fates.came, options)?;
         let moving = self.moving(&fates.gone, &sprouts, (&geometries, &first_ids));
 
-        // Place the instances; without any, nobody asks where the meshes are before it is known.
+        // Place the instances.
         let alone = self.counts[1] == 0;
-        let around_meshes = match alone {
-            true if fates.are_any() => Aabb::EMPTY,
-            false if fates.reshaped || !fates.gone.is_empty() => bounds_of(&geometries, &moving),
-            _ => sprouts.iter().fold(before.around_meshes, |all, sprout| {
-                all.union(&sprout.scene.structure.around_meshes)
-            }),
-        };
+        let around_meshes = self.around_meshes(&fates, &sprouts, (&geometries, &moving));
         let mut report = BuildReport::default();
         let mut placements = place_instances(self.parts(), around_meshes, options, &mut report)?;
         let Some(instances) = mem::take(&mut placements.instances).opened_as(&before.instances)
@@ -130,6 +124,23 @@ impl Edit {
             came: changes.came,
             skipped,
         }))
+    }
+
+    /// Around everything but the instances; without any, nobody asks before it is known from the tree.
+    fn around_meshes(
+        &self,
+        fates: &Fates,
+        sprouts: &[Sprout],
+        (geometries, moving): (&[Geometry], &[MovingMesh]),
+    ) -> Aabb {
+        let before = self.before.structure.around_meshes;
+        match self.counts[1] == 0 {
+            true if fates.are_any() => Aabb::EMPTY,
+            false if fates.reshaped || !fates.gone.is_empty() => bounds_of(geometries, moving),
+            _ => sprouts
+                .iter()
+                .fold(before, |all, sprout| all.union(&sprout.scene.structure.around_meshes)),
+        }
     }
 
     /// Whether there is more to do than to mend boxes: leaves that come or are called otherwise. One that went is an empty box
