@@ -135,9 +135,9 @@ pub(crate) struct Structure {
     pub(crate) cover: Cover,
     /// Contains everything, and the images of the reaches of all instances.
     pub(crate) reach: Aabb,
-    /// That box alone.
+    /// `reach` alone, to be transformed.
     pub(crate) reach_cover: Cover,
-    /// The same, as lanes: `x, y, z, z` of both corners.
+    /// `reach` as lanes: `x, y, z, z` of both corners.
     pub(crate) reach_lanes: [[f32; 4]; 2],
     /// Whether rays may be [`Ordinary`](crate::geometry::triangle::Ordinary) here.
     pub(crate) ordinary: bool,

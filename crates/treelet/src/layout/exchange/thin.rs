@@ -10,7 +10,7 @@ use crate::build::BuildError;
 use crate::context::{Cancel, Cancelled, parallel};
 use crate::layout::lower::Packed;
 use crate::layout::packing::Packing;
-use crate::layout::refit::{Content, around, half_area, ids_of, of_node, triangles_of, used};
+use crate::layout::refit::{Content, Soon, around, half_area, ids_of, of_node, triangles_of, used};
 use crate::layout::wide::{
     BLOCK_WORDS, Child, ChildKind, LEAF_MAX, Node, Plain, SLOTS_MAX, TRIANGLE_WORDS, Wide,
 };
@@ -121,7 +121,7 @@ where
         let mut prims = 0.0;
         for (at, (node, own)) in nodes.iter_mut().zip(areas).enumerate() {
             if let Some(soon) = from.get(at + AHEAD) {
-                expect(old, soon, stay, content.expect);
+                expect(old, soon, stay, content.ahead);
             }
             let children = K::children(&from[at]);
             let children = &children[..used(children)];
@@ -149,7 +149,7 @@ where
                 if child.is_inner() {
                     node.children[slot] = child;
                 } else if triangles_of(old, child).is_none() {
-                    let Some((child, bounds)) = single(old, child, stay, content.instance, all)
+                    let Some((child, bounds)) = single(old, child, stay, &content.instance, all)
                     else {
                         continue;
                     };
@@ -196,7 +196,7 @@ fn expect<K: Packing<W>, const W: usize>(
     old: &Wide<W, K>,
     node: &K::Node,
     stay: &Stay<'_>,
-    heard: &dyn Fn(&[u32]),
+    ahead: &dyn Soon,
 ) {
     let children = K::children(node);
     let mut ids = [0; LEAF_MAX];
@@ -208,7 +208,7 @@ fn expect<K: Packing<W>, const W: usize>(
                 count += 1;
             }
         }
-        heard(&ids[..count]);
+        ahead.expect(&ids[..count]);
     }
 }
 

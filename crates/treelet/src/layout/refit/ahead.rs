@@ -67,10 +67,10 @@ impl Ahead {
             for &child in &children[..used(children)] {
                 *count += ids_of(old, child, &mut ids[*count..]);
             }
-            (content.expect)(&ids[..*count]);
+            content.ahead.expect(&ids[..*count]);
         }
         if at > 0 && at <= nodes.len() {
-            (content.expect_corners)(self.of(at - 1));
+            content.ahead.expect_corners(self.of(at - 1));
         }
     }
 }

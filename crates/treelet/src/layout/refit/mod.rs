@@ -44,13 +44,25 @@ const CHUNK: usize = 1024;
 /// What the leaves of a layout hold now.
 pub(crate) struct Content<'a, T, I> {
     /// Gives the triangles of some ids; `false` if one of them is not fit for a scene any more.
-    pub(crate) triangles: &'a T,
-    /// Hears of ids that will be asked for soon.
-    pub(crate) expect: &'a (dyn Fn(&[u32]) + Sync),
-    /// The same, somewhat later.
-    pub(crate) expect_corners: &'a (dyn Fn(&[u32]) + Sync),
+    pub(crate) triangles: T,
+    /// Hears of triangles that will be asked for soon.
+    pub(crate) ahead: &'a dyn Soon,
     /// The box of the instance of that number.
-    pub(crate) instance: &'a I,
+    pub(crate) instance: I,
+}
+
+/// Who hears of triangles before they are asked for.
+pub(crate) trait Soon: Sync {
+    /// The numbers of their corners are needed next.
+    fn expect(&self, ids: &[u32]);
+    /// Their corners are.
+    fn expect_corners(&self, ids: &[u32]);
+}
+
+/// Where there are none.
+impl Soon for () {
+    fn expect(&self, _: &[u32]) {}
+    fn expect_corners(&self, _: &[u32]) {}
 }
 
 /// A layout with new boxes.
@@ -347,7 +359,7 @@ where
     fn instances(&self, child: Child) -> (Child, Aabb) {
         let ChildKind::Leaf { first, count } = child.kind() else { return (child, Aabb::EMPTY) };
         let first = first - self.old.triangles;
-        let bounds = (first..first + count).map(self.content.instance);
+        let bounds = (first..first + count).map(&self.content.instance);
         let bounds = bounds.fold(Aabb::EMPTY, |all, bounds| all.union(&bounds));
         (Child::leaf(self.triangles + first, count), bounds)
     }

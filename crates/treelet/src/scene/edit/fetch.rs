@@ -5,6 +5,7 @@ use crate::context::parallel;
 use crate::geometry::mesh::COORDINATE_MAX;
 use crate::geometry::{Mesh, Shape};
 use crate::layout::lower::Packed;
+use crate::layout::refit::{Content, Soon};
 use crate::memory::prefetch;
 use crate::simd::f4::F4;
 use crate::trace::moving::MovingMesh;
@@ -13,6 +14,11 @@ use crate::trace::structure::{Geometry, Structure, name};
 
 /// Primitives whose box is found by one task.
 const CHUNK: usize = 16_384;
+
+/// Gives the triangles of some ids; see [`Content`].
+pub(super) trait Fetch: Fn(&[u32], &mut [Packed]) -> bool + Sync {}
+
+impl<F: Fn(&[u32], &mut [Packed]) -> bool + Sync> Fetch for F {}
 
 /// Where everything of a level is.
 pub(super) struct Places<'a> {
@@ -52,34 +58,17 @@ impl<'a> Places<'a> {
             .map_or(Aabb::EMPTY, |(geometry, ids)| geometry.shape.bounds((id - ids.start) as usize))
     }
 
-    /// Asks for the numbers of corners that are needed soon.
-    pub(super) fn expect(&self, ids: &[u32]) {
-        let Some(&first) = ids.first() else { return };
-        let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
-        else {
-            return;
-        };
-        let triangles = mesh.triangles();
-        ids.iter().for_each(|&id| prefetch(triangles, id.wrapping_sub(of_mesh.start) as usize));
-    }
-
-    /// Asks for corners that are needed soon.
-    pub(super) fn expect_corners(&self, ids: &[u32]) {
-        let Some(&first) = ids.first() else { return };
-        let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
-        else {
-            return;
-        };
-        let (positions, triangles) = (mesh.positions(), mesh.triangles());
-        for &id in ids.iter().filter(|id| of_mesh.contains(id)) {
-            for vertex in triangles[(id - of_mesh.start) as usize] {
-                prefetch(positions, vertex as usize);
-            }
+    /// All of it, as trees that follow ask for it.
+    pub(super) fn content(&self) -> Content<'_, impl Fetch, impl Fn(usize) -> Aabb + Sync> {
+        Content {
+            triangles: |ids: &[u32], packed: &mut [Packed]| self.fetch(ids, packed),
+            ahead: self,
+            instance: |number| self.single(number),
         }
     }
 
     /// The triangles of some ids; whether all are fit for a scene.
-    pub(super) fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
+    fn fetch(&self, ids: &[u32], packed: &mut [Packed]) -> bool {
         let (mut ids, mut packed) = (ids, packed);
         let mut fit = true;
         // Mesh by mesh: neighbours are of the same one mostly.
@@ -95,6 +84,32 @@ impl<'a> Places<'a> {
             (ids, packed) = (others, after);
         }
         fit
+    }
+}
+
+impl Soon for Places<'_> {
+    fn expect(&self, ids: &[u32]) {
+        let Some(&first) = ids.first() else { return };
+        let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
+        else {
+            return;
+        };
+        let triangles = mesh.triangles();
+        ids.iter().for_each(|&id| prefetch(triangles, id.wrapping_sub(of_mesh.start) as usize));
+    }
+
+    fn expect_corners(&self, ids: &[u32]) {
+        let Some(&first) = ids.first() else { return };
+        let Some((Geometry { shape: Shape::Mesh(mesh), .. }, of_mesh)) = self.geometry(first)
+        else {
+            return;
+        };
+        let (positions, triangles) = (mesh.positions(), mesh.triangles());
+        for &id in ids.iter().filter(|id| of_mesh.contains(id)) {
+            for vertex in triangles[(id - of_mesh.start) as usize] {
+                prefetch(positions, vertex as usize);
+            }
+        }
     }
 }
 

@@ -9,8 +9,7 @@ use super::sprouts::Sprout;
 use super::{Edit, Parts, Reason};
 use crate::bounds::Aabb;
 use crate::layout::exchange::Stay;
-use crate::layout::lower::Packed;
-use crate::layout::refit::{self, Content};
+use crate::layout::refit;
 use crate::scene::builder::{BuildOptions, Placed};
 use crate::scene::gather::first_ids;
 use crate::scene::place::{self, Part, Placements, place_instances};
@@ -185,16 +184,7 @@ impl Edit {
         });
         let sprigs: Vec<_> = trees.chain(singles).collect();
 
-        let fetch = |ids: &[u32], packed: &mut [Packed]| places.fetch(ids, packed);
-        let expect = |ids: &[u32]| places.expect(ids);
-        let single = |number: usize| places.single(number);
-        let expect_corners = |ids: &[u32]| places.expect_corners(ids);
-        let content = Content {
-            triangles: &fetch,
-            expect: &expect,
-            expect_corners: &expect_corners,
-            instance: &single,
-        };
+        let content = places.content();
         let ids: usize = places.geometries.iter().map(|it| it.shape.len()).sum();
         let exchanged = exchanged(
             &before.layout,
@@ -234,15 +224,7 @@ impl Edit {
                 return Ok(Ok(mended));
             }
         }
-        let fetch = |ids: &[u32], packed: &mut [Packed]| places.fetch(ids, packed);
-        let expect = |ids: &[u32]| places.expect(ids);
-        let expect_corners = |ids: &[u32]| places.expect_corners(ids);
-        let content = Content {
-            triangles: &fetch,
-            expect: &expect,
-            expect_corners: &expect_corners,
-            instance: &single,
-        };
+        let content = places.content();
         let spare = spare.and_then(|spare| Arc::into_inner(spare.structure));
         standing.sweeps = standing.sweeps.wrapping_add(1);
         let worn = is_worn.then_some(standing.sweeps);

@@ -207,16 +207,7 @@ pub(super) fn exchanged(
 /// What a tree is worth that is as it was built.
 pub(super) fn standing(scene: &Scene) -> Standing {
     let places = Places::of(&scene.structure);
-    let fetch = |ids: &[u32], packed: &mut [Packed]| places.fetch(ids, packed);
-    let expect = |ids: &[u32]| places.expect(ids);
-    let single = |number: usize| places.single(number);
-    let expect_corners = |ids: &[u32]| places.expect_corners(ids);
-    let content = Content {
-        triangles: &fetch,
-        expect: &expect,
-        expect_corners: &expect_corners,
-        instance: &single,
-    };
+    let content = places.content();
     appraise(&scene.structure.layout, &content)
 }
 

@@ -45,12 +45,7 @@ impl Edit {
                 return Ok(Vec::new());
             }
             let nothing = |_: &[u32], _: &mut [Packed]| true;
-            let content = Content {
-                triangles: &nothing,
-                expect: &|_| {},
-                expect_corners: &|_| {},
-                instance: &during,
-            };
+            let content = Content { triangles: nothing, ahead: &(), instance: &during };
             let sprigs: Vec<Sprig<'_>> =
                 came.iter().map(|&at| Sprig::Single(at, during(at))).collect();
             let numbers = after.instances.len();
